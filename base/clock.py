@@ -1,4 +1,4 @@
-"""Injected clocks, so that a simulated rig runs as fast as the CPU."""
+"""Injected clocks, so that a simulated rig runs as fast as the CPU, or as a person who watches needs it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from .threads import Flag
+
+_BEHIND = 0.1
+"""Lag behind real time (s) beyond which a `RealTimeClock` does not catch up."""
 
 
 class Clock(ABC):
@@ -81,3 +84,34 @@ class VirtualClock(Clock):
     def hold(self, until: Callable[[], object]) -> None:
         """See `Clock.hold`."""
         until()
+
+
+class RealTimeClock(VirtualClock):
+    """A virtual clock that never runs ahead of real time, for a simulated rig with a person in front of it.
+
+    It still stops in `hold`, so the same presses give the same recording on a machine of any speed. Time in
+    which nothing waits (a person thinks, the machine is slow) is left out rather than caught up.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._real = RealClock()
+        self._zero = self._real.now()
+        """Real time of the virtual time 0."""
+
+    def sleep(self, duration: float) -> None:
+        """See `Clock.sleep`."""
+        super().sleep(duration)
+        self._wait()
+
+    def sleep_until(self, when: float) -> None:
+        """See `VirtualClock.sleep_until`."""
+        super().sleep_until(when)
+        self._wait()
+
+    def _wait(self) -> None:
+        with self._lock:
+            ahead = self._now - (self._real.now() - self._zero)
+            if ahead < -_BEHIND:
+                self._zero -= ahead
+        self._real.sleep(ahead)

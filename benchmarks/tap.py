@@ -149,7 +149,7 @@ from websockets.sync.client import connect
 from haploop.console.data_folder import DataFolder
 from haploop.console.server import Access, application
 from haploop.console.server.follower import Follower
-from haploop.console.server.live_scope import LiveScope
+from haploop.console.server.follower import LiveScope
 from haploop.console.server.serving import _bound
 from haploop.console.worker import Address
 from haploop.instruments import load_rig_file

@@ -11,11 +11,10 @@ import numpy as np
 import scipy
 
 from ..base.arrays import FloatArray
-from ..base.clock import Clock
+from ..base.clock import Clock, VirtualClock
 from ..base.errors import InstrumentError
 from ..instruments.camera.opencv import OpenCvCamera
 from ..instruments.camera.role import Camera, Frame
-from .clock import VirtualClock
 from .plant import OnCamera, Plant
 from .transport import Loopback
 

@@ -7,11 +7,10 @@ from contextlib import ExitStack
 from typing import Any
 
 from ..base import entry_points
-from ..base.clock import Clock
+from ..base.clock import Clock, RealTimeClock, VirtualClock
 from ..base.errors import ConfigurationError
 from ..instruments.config import Device, RigFile
 from ..instruments.driver import Driver, Mode, is_arithmetic, settings_of
-from .clock import RealTimeClock, VirtualClock
 from .plant import KINDS, Fault, Faults, OnLine, Plant, PlantSource, Truth
 from .transport import ReplyFault, faulty_line
 

@@ -20,8 +20,7 @@ from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr
 
 from ..base.bounded import Strict
 from ..base.errors import ConfigurationError
-from ..base.toml_lines import key_lines, parse_toml, place, read_text
-from ..base.validation import validate
+from ..base.validation import key_lines, parse_toml, place, read_text, validate
 from ..base.wording import did_you_mean
 from ..nidaqmx_twin.redirect import redirected
 from .transport import Loopback, ReplyFault, pseudo_terminal

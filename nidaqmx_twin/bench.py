@@ -14,8 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ..base.errors import ConfigurationError, InstrumentError
 from ..base.threads import Flag
-from ..base.toml_lines import key_lines, parse_toml, place, read_text
-from ..base.validation import validate
+from ..base.validation import key_lines, parse_toml, place, read_text, validate
 from ..base.wording import did_you_mean
 from .bench_inputs import Number, Positive, input_of
 from .server import Around

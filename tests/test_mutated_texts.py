@@ -15,7 +15,7 @@ import pytest
 
 from haploop.acquisition import load_study, verify
 from haploop.acquisition.recording import Rejection, add_rejections
-from haploop.acquisition.recording.rejections import _rejections
+from haploop.acquisition.recording.recording import _rejections
 from haploop.base.json_files import append_json, read_json, write_json
 from haploop.calibration.map.folder import MapFolder, MapPlan
 from haploop.calibration.recalibration.history import History

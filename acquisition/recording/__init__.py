@@ -7,10 +7,10 @@ from .file_format import refuse_name as refuse_name
 from .file_format import to_codes as to_codes
 from .part_reader import PartReader as PartReader
 from .recording import Recording as Recording
+from .recording import Rejection as Rejection
+from .recording import add_rejections as add_rejections
 from .recovery import recover as recover
 from .recovery import set_aside as set_aside
-from .rejections import Rejection as Rejection
-from .rejections import add_rejections as add_rejections
 from .rows import BLOCK as BLOCK
 from .rows import EVENT as EVENT
 from .rows import FLAGS as FLAGS

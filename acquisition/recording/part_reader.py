@@ -14,8 +14,7 @@ from ...base.files import stamp
 from ...instruments import LinearSensor
 from ...instruments.sensors import Restorer
 from .file_format import Header, from_codes, read_header
-from .recording import Recording
-from .rejections import without_rejected
+from .recording import Recording, without_rejected
 from .rows import Event, PressVerdict, events_in, verdicts_in
 from .salvage import codes_between, records_after, reopened, tables
 

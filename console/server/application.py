@@ -22,8 +22,7 @@ from ..data_folder import DataFolder
 from .conductor import Conductor
 from .data_routes import data_routes
 from .design_routes import design_routes
-from .follower import Follower
-from .live_scope import LiveScope
+from .follower import Follower, LiveScope
 from .run_queue import RunQueue, experiment_routes, queue_routes
 from .security import PARTICIPANT, Access, Guard, json_object
 

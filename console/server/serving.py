@@ -20,8 +20,7 @@ from ...terminal.progress import note
 from ..data_folder import DataFolder
 from ..worker import WorkerLink, free_tape, serving, start_worker
 from .application import application
-from .follower import Follower
-from .live_scope import LiveScope
+from .follower import Follower, LiveScope
 from .security import LARGEST, PATIENCE, Access
 
 

@@ -19,11 +19,10 @@ from ...instruments import Rig, RigFile, open_rig
 from ...instruments.driver import Mode
 from ..data_folder import DataFolder
 from ..fields import clean
-from .board import Board
+from .board import Board, Observer
 from .job import Tools, Work
 from .jobs import JOBS
 from .link import address_path
-from .observer import Observer
 from .page_operator import PageOperator
 from .presenting import Stimuli
 from .stopping import Stopping

@@ -15,8 +15,7 @@ from ...base.arrays import FloatArray
 from ...base.bounded import Strict
 from ...base.errors import ConfigurationError
 from ...base.files import new_file
-from ...base.toml_lines import parse_toml, read_text
-from ...base.validation import validate
+from ...base.validation import parse_toml, read_text, validate
 from ..columns import SI, Start, Table, zone_of
 from .timebase import Hole
 

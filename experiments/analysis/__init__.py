@@ -5,13 +5,13 @@ from .anova import Effect as Effect
 from .anova import Sphericity as Sphericity
 from .anova import anova as anova
 from .anova import compare_levels as compare_levels
-from .confusion import METRICS as METRICS
-from .confusion import Confusion as Confusion
-from .confusion import confusion_of as confusion_of
-from .confusion import confusions_by as confusions_by
+from .identification import METRICS as METRICS
+from .identification import Confusion as Confusion
 from .identification import Identification as Identification
 from .identification import Performance as Performance
 from .identification import analyse_identification as analyse_identification
+from .identification import confusion_of as confusion_of
+from .identification import confusions_by as confusions_by
 from .intervals import clustered_interval as clustered_interval
 from .intervals import eta_squared_interval as eta_squared_interval
 from .intervals import wilson_interval as wilson_interval

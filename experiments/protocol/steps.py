@@ -1,7 +1,7 @@
 """What comes next in a session: a pure function of the experiment, the participant and the answers so far.
 
 Nothing is drawn while a session runs, so that a session that was interrupted continues with the very trial,
-and its log suffices to repeat every decision.
+and its log suffices to repeat every decision. So a design's balance is known before anybody takes part.
 """
 
 from __future__ import annotations
@@ -9,8 +9,10 @@ from __future__ import annotations
 import itertools
 import math
 import zlib
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import lcm
 from typing import Any, Literal
 
 import numpy as np
@@ -358,3 +360,35 @@ def staircase_value(comparison: Comparison, right: Sequence[bool]) -> float | No
         value = min(max(value + move * step, floor), comparison.highest)
     complete = reversals >= comparison.reversals or len(right) >= comparison.max_trials
     return None if complete else value
+
+
+@dataclass(frozen=True)
+class Balance:
+    """How the participants so far fill the design."""
+
+    groups: Mapping[str, int]
+    """Participants in each group."""
+    balanced: bool
+    """True when groups are equally large and each counterbalanced order is used equally often."""
+    multiple_of: int
+    """A number of participants that is balanced is a multiple of this."""
+
+
+def balance_of(file: ExperimentFile, slots: Sequence[int]) -> Balance:
+    """Balance of the participants that have these places in the design."""
+    groups = Counter(group_of_slot(file, slot) for slot in slots)
+    counts = [counterbalanced_count(file, block) for block in file.block]
+    orders = [Counter(tuple(williams_row(count, slot)) for slot in slots) for count in counts if count]
+    numbers = [_orders(count) for count in counts if count]
+    used = [[groups[name] for name in file.groups]]
+    used += [[*some.values(), *[0] * (n - len(some))] for some, n in zip(orders, numbers, strict=True)]
+    return Balance(
+        {name: groups[name] for name in file.groups},
+        all(len(set(some)) == 1 for some in used),
+        lcm(len(file.groups), *numbers),
+    )
+
+
+def _orders(count: int) -> int:
+    """Number of different rows of the square: Williams' design needs twice as many for an odd count."""
+    return len({tuple(williams_row(count, row)) for row in range(2 * count)})

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from ...base.toml_lines import Location
+from ...base.validation import Location
 from ...base.wording import did_you_mean
 from ..sensors import LinearSensor
 

@@ -14,8 +14,17 @@ from pydantic import BaseModel
 from ...base import entry_points
 from ...base.errors import ConfigurationError
 from ...base.files import beside
-from ...base.toml_lines import Location, Places, key_lines, parse_toml, place, read_text
-from ...base.validation import sentences, validate, validate_kind
+from ...base.validation import (
+    Location,
+    Places,
+    key_lines,
+    parse_toml,
+    place,
+    read_text,
+    sentences,
+    validate,
+    validate_kind,
+)
 from ...base.wording import did_you_mean
 from .ati_cal import read_ati_cal
 from .contradictions import contradictions

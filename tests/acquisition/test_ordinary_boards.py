@@ -5,11 +5,11 @@ import pytest
 
 import haploop
 from haploop.acquisition import find_presses
+from haploop.base.clock import VirtualClock
 from haploop.calibration.self_test.sensor_test import check_noise
 from haploop.instruments import load_rig_file
 from haploop.instruments.daq.serial_codec import Column, Framing, SerialSettings
 from haploop.instruments.live.tap import levels
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq.serial_adc import Board
 from tests.acquisition.presses.pressworld import world_rig
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haploop.console.server.live_scope import Buckets, LiveScope
+from haploop.console.server.follower import Buckets, LiveScope
 from haploop.instruments import LiveBlock, Sensors, load_rig_file
 from haploop.instruments.live import Run
 

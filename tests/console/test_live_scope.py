@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import chirp, lfilter
 
-from haploop.console.server.live_scope import driven_coherence
+from haploop.console.server.follower import driven_coherence
 
 RATE = 5000.0
 TIMES = np.arange(2 * int(RATE)) / RATE

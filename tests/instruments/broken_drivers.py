@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from haploop.base.arrays import ComplexArray, FloatArray
-from haploop.base.clock import Clock
+from haploop.base.clock import Clock, VirtualClock
 from haploop.base.errors import InstrumentError, LimitError
 from haploop.instruments import (
     Amplifier,
@@ -38,7 +38,6 @@ from haploop.instruments.operator.role import Request
 from haploop.instruments.player.sound_card import SoundCard
 from haploop.instruments.relay.yocto import Yocto
 from haploop.instruments.vibrometer.pdv100 import Pdv100
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq.twin import DaqTwin
 from haploop.mocks.generator import KEYSIGHT_33500, Box
 from haploop.mocks.operator import OperatorTwin

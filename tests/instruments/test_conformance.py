@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import pytest
 from nidaqmx.error_codes import DAQmxErrors
 
-from haploop.base.clock import Clock
+from haploop.base.clock import Clock, VirtualClock
 from haploop.instruments import Amplifier, Daq, Operator, Relay, Vibrometer, conformance, load_rig_file
 from haploop.instruments.amplifier.analog import AnalogAmplifier
 from haploop.instruments.amplifier.e413 import E413
@@ -26,7 +26,6 @@ from haploop.instruments.relay.yocto import Yocto
 from haploop.instruments.vibrometer.analog import AnalogVibrometer
 from haploop.instruments.vibrometer.ofv5000 import Ofv5000
 from haploop.instruments.vibrometer.pdv100 import Pdv100
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq.twin import DaqTwin
 from haploop.mocks.generator import DG1000Z, KEYSIGHT_33500, Box, Product
 from haploop.mocks.operator import OperatorTwin

@@ -19,6 +19,7 @@ from typing import Any
 
 import pytest
 
+from haploop.base.clock import VirtualClock
 from haploop.base.errors import HaploopError, InstrumentError
 from haploop.instruments.generator.role import error_of, number_of, switch_of, words_of
 from haploop.instruments.relay.board import ChannelState
@@ -28,7 +29,6 @@ from haploop.instruments.relay.yocto import _Board as YoctoBoard
 from haploop.instruments.relay.yocto import _Hub
 from haploop.instruments.transport.text_line import Port, TextLine
 from haploop.instruments.vibrometer.ofv5000 import duration_of, frequency_of, level_of, scale_of
-from haploop.mocks.clock import VirtualClock
 
 NUMBER = r"(\d+(\.\d*)?|\.\d+)"
 POWER = r"([eE][+-]?\d{1,2})?"

@@ -16,7 +16,7 @@ import pytest
 
 import haploop
 from haploop.base import entry_points
-from haploop.base.clock import RealClock
+from haploop.base.clock import RealClock, VirtualClock
 from haploop.base.errors import ConfigurationError, DataError, HaploopError, InstrumentError
 from haploop.instruments import Rig, played, recorded
 from haploop.instruments.camera import opencv
@@ -24,7 +24,6 @@ from haploop.instruments.camera.opencv import OpenCvCamera
 from haploop.instruments.driver import settings_of
 from haploop.instruments.tape import Failure, Player, Recorder, TapedLine, TapeError, TapeLines, mask, on_line
 from haploop.instruments.tape.tape_file import TapeWriter, read_tape
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.simulation import Simulation
 from tests.acquisition.session.test_other_daqs import ALONG
 from tests.acquisition.session.test_other_daqs import SERIAL as SERIAL_ADC

@@ -2,8 +2,8 @@
 
 from pytest import approx, fixture
 
-from haploop.mocks import clock as clocks
-from haploop.mocks.clock import RealTimeClock
+from haploop.base import clock as clocks
+from haploop.base.clock import RealTimeClock
 
 
 class Wall:

@@ -11,11 +11,10 @@ import pytest
 from haploop_acme.relay import AcmeRelay
 from haploop_acme.twin import reply, twin
 
-from haploop.base.clock import Clock
+from haploop.base.clock import Clock, VirtualClock
 from haploop.base.errors import InstrumentError
 from haploop.instruments import Relay, Rig, load_rig_file
 from haploop.instruments.conformance import Fired, RelayConformance
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import Plant
 from haploop.mocks.relay import box_in
 from haploop.mocks.transport import DirectLine, LineServer, ReplyFault

@@ -16,11 +16,11 @@ from haploop_labjack_t7.driver import LabJackT7
 from haploop_labjack_t7.twin import T7Twin
 
 import haploop
+from haploop.base.clock import VirtualClock
 from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.base.validation import validate
 from haploop.instruments import Daq, Rig, load_rig_file
 from haploop.instruments.conformance import DaqConformance, Fired, bypass_interlock
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import Faults, Plant
 
 RIG = load_rig_file(Path(__file__).parents[1] / "t7.toml")

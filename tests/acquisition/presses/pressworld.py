@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.signal import lfilter
 
+from haploop.base.clock import VirtualClock
 from haploop.base.errors import InstrumentError
 from haploop.instruments import Block, Daq, Operator, Press, Rig, Stream, Transfer, load_rig_file
-from haploop.mocks.clock import VirtualClock
 from tests.rig_files import changed
 
 FULL_SCALE = {"gauge": 10.0, "accel": 5.0, "switc": 10.0}

@@ -12,7 +12,7 @@ import pytest
 
 from haploop.acquisition import record, recover
 from haploop.acquisition.recording import Rejection, add_rejections
-from haploop.acquisition.recording.rejections import _rejections
+from haploop.acquisition.recording.recording import _rejections
 from haploop.acquisition.recording.writer import Writer
 from haploop.base.errors import DataError
 from haploop.base.files import new_file, whole_file

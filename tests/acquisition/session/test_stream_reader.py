@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from haploop.acquisition.session.recorder import GapError, OverrunError, StreamReader
-from haploop.base.clock import Clock
+from haploop.base.clock import Clock, VirtualClock
 from haploop.base.errors import InstrumentError
 from haploop.instruments import Block, Stream
-from haploop.mocks.clock import VirtualClock
 
 
 class Script(Stream):

@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 from haploop.base.errors import DataError
-from haploop.experiments.analysis.confusion import METRICS, confusion_of, confusions_by
-from haploop.experiments.analysis.identification import analyse_identification
+from haploop.experiments.analysis.identification import (
+    METRICS,
+    analyse_identification,
+    confusion_of,
+    confusions_by,
+)
 from haploop.experiments.analysis.intervals import clustered_interval, wilson_interval
 from haploop.experiments.analysis.table import read_rows
 

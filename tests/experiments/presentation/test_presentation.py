@@ -28,7 +28,7 @@ from haploop.experiments import (
     read_log,
     run_session,
 )
-from haploop.experiments.presentation.surface import _refuse_amplitudes
+from haploop.experiments.presentation import _refuse_amplitudes
 from haploop.instruments import Rig, open_rig
 from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
 from haploop.mocks.plant import touches

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from haploop.acquisition import verify
+from haploop.base.clock import VirtualClock
 from haploop.base.errors import DataError
 from haploop.base.line_files import LineFile
 from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store, export_answers, open_session
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
 from tests.experiments.session.sessions import killed, ran, run, store
 from tests.mutating import refused

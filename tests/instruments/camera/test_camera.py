@@ -10,12 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
+from haploop.base.clock import VirtualClock
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments import Camera, load_rig_file
 from haploop.instruments.camera.opencv import OpenCvCamera
 from haploop.instruments.conformance import CameraConformance, Fired
 from haploop.mocks.camera import CameraTwin, wire
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import Faults, OnCamera, Plant
 from tests.raising import raises
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from haploop.base.errors import ConfigurationError
-from haploop.base.toml_lines import key_lines
+from haploop.base.validation import key_lines
 from haploop.instruments import load_rig_file
 from haploop.instruments.rig.json_schema import rig_schema
 from tests.raising import raises

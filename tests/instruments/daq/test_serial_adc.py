@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haploop.base.clock import VirtualClock
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.base.validation import validate
 from haploop.instruments import Daq, RigFile, load_rig_file
 from haploop.instruments.conformance import DaqConformance, Fired, bypass_interlock
 from haploop.instruments.daq import CombinedDaq
 from haploop.instruments.daq.serial_adc import SerialAdc
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq import Card, CardTwin
 from haploop.mocks.daq.serial_adc import Board, BoardServer, twin
 from haploop.mocks.plant import Faults, Plant

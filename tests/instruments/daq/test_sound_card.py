@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from haploop.base.arrays import FloatArray
+from haploop.base.clock import VirtualClock
 from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.base.validation import validate
 from haploop.instruments import Daq, load_rig_file
 from haploop.instruments.conformance import DaqConformance, Fired, bypass_interlock
 from haploop.instruments.daq.sound_card import SoundCardDaq
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq.sound_card import DRIFT, LATENCY, DuplexCard, Line
 from haploop.mocks.plant import Faults, Plant
 from haploop.nidaqmx_twin.nodes import Run

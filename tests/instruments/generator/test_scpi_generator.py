@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from haploop.base.arrays import FloatArray
+from haploop.base.clock import VirtualClock
 from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.instruments import Arbitrary, Burst, Sweep, Waveform
 from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.generator.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.generator import DG1000Z, KEYSIGHT_33500, Box, Product
 from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
 from haploop.nidaqmx_twin.nodes import Run, Source

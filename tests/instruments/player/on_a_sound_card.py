@@ -8,11 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from haploop.base.clock import Clock
+from haploop.base.clock import Clock, VirtualClock
 from haploop.instruments import Player, load_rig_file
 from haploop.instruments.conformance import Fired, PlayerConformance
 from haploop.instruments.player.sound_card import SoundCard
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant.plant import Plant
 from haploop.mocks.player import Card
 

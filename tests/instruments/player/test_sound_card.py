@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from haploop.base.arrays import FloatArray
-from haploop.base.clock import RealClock
+from haploop.base.clock import RealClock, VirtualClock
 from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.calibration import calibrate, drive_for
 from haploop.calibration.drive import check
@@ -15,7 +15,6 @@ from haploop.instruments import Rig, load_rig_file
 from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.player.sound_card import SoundCard, at_rate
 from haploop.instruments.rig.alignment import Aligned, Timing, find
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import Plant
 from haploop.mocks.player import DRIFT, Card, Jack, twin
 from tests.calibration.conftest import make_press

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from haploop.mocks.clock import VirtualClock
+from haploop.base.clock import VirtualClock
 from haploop.mocks.plant import Faults, Switches
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import pytest
 
+from haploop.base.clock import VirtualClock
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments.relay.role import Relay
 from haploop.instruments.relay.serial_relay import SerialRelay, answer_in
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.relay import SimulatedBox, box_in
 from haploop.mocks.relay.serial_relay import SerialRelayWire
 from haploop.mocks.transport import Loopback, ReplyFault

@@ -11,10 +11,9 @@ import hypothesis.strategies as st
 import pytest
 from pydantic import ValidationError
 
-from haploop.base.clock import RealClock
+from haploop.base.clock import RealClock, VirtualClock
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments.relay.yocto import Yocto
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.relay import BoxFault, RelayTwin, SimulatedBox, box_in
 from haploop.mocks.relay.yocto_hub import YoctoHub
 from haploop.mocks.transport import Loopback, ReplyFault

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haploop.base.clock import VirtualClock
 from haploop.base.errors import InstrumentError, LimitError
 from haploop.instruments import Arbitrary, Burst, Limits, Sweep, Waveform, load_rig_file
 from haploop.instruments.amplifier.e413 import E413
@@ -18,7 +19,6 @@ from haploop.instruments.interlock import Interlocked
 from haploop.instruments.safety import Audit, Limiter, Lockouts, Outputs, entries
 from haploop.instruments.safety.duty import plays_of
 from haploop.instruments.safety.judge import Ratings
-from haploop.mocks.clock import VirtualClock
 from tests.raising import raises
 
 RATE = 1000.0

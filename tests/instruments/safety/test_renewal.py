@@ -7,11 +7,10 @@ from typing import Any
 
 import pytest
 
-from haploop.base.clock import RealClock
+from haploop.base.clock import RealClock, VirtualClock
 from haploop.base.errors import InstrumentError
 from haploop.instruments.safety import Renewal
 from haploop.instruments.safety.deadline import Watch
-from haploop.mocks.clock import VirtualClock
 from tests.raising import raising
 
 DEAD_MAN = 0.4

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from haploop.base.clock import VirtualClock
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments import load_rig_file
 from haploop.instruments.vibrometer import ofv5000
 from haploop.instruments.vibrometer.ofv5000 import Command, Ofv5000
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import LaserHead, Plant
 from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
 from haploop.mocks.vibrometer import Controller, twin

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haploop.base.clock import VirtualClock
 from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.instruments import Daq, load_rig_file
 from haploop.instruments.conformance import DaqConformance, Fired, bypass_interlock
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq import Card, CardTwin
 from haploop.mocks.plant import Faults, Plant
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.mocks.clock import VirtualClock
+from haploop.base.clock import VirtualClock
 from haploop.mocks.generator import DG1000Z, KEYSIGHT_33500, Box
 from haploop.mocks.transport import LineServer
 from haploop.nidaqmx_twin.nodes import Source

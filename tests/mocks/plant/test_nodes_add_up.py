@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from haploop.base.clock import VirtualClock
 from haploop.instruments import load_rig_file
-from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import Plant
 from haploop.mocks.plant.plant import AMPLIFIER_GAIN
 from haploop.nidaqmx_twin.nodes import Run

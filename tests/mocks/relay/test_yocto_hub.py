@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.mocks.clock import VirtualClock
+from haploop.base.clock import VirtualClock
 from haploop.mocks.relay import SimulatedBox
 from haploop.mocks.relay.yocto_hub import YoctoHub
 
