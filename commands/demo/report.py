@@ -22,7 +22,6 @@ from ...reports.contents import (
     Contents,
     Grid,
     calibration_contents,
-    captions,
     check_contents,
     counted,
     fact,
@@ -32,6 +31,7 @@ from ...reports.contents import (
     percent,
     plain,
     verdict_cell,
+    words,
 )
 
 # Results of one run of the demo.
@@ -310,33 +310,33 @@ def _captioned_figures(demo: Demo) -> Sequence[html.CaptionedFigure]:
         (
             figures.profiles([figures.Profile.of(r.press) for r in results]),
             "Representative press of each button",
-            f"{captions.PRESSES} Light blue: one standard deviation of the aligned presses. {_counts(demo)}",
+            f"{words.PRESSES} Light blue: one standard deviation of the aligned presses. {_counts(demo)}",
         ),
         (
             figures.activation_forces(forces, truth),
             "Force at activation",
-            f"{captions.FORCES} The black lines are the true values of the simulated plant. {_counts(demo)}",
+            f"{words.FORCES} The black lines are the true values of the simulated plant. {_counts(demo)}",
         ),
         (
             figures.response(demo.calibration, demo.true_response),
             f"The table's response, patch {response.patch} to the button point",
-            f"{captions.RESPONSE} Dashed: the true response of the plant without patch hysteresis. "
+            f"{words.RESPONSE} Dashed: the true response of the plant without patch hysteresis. "
             f"n = {response.repeats} repeats.",
         ),
         (
             figures.drives([r.check.drive for r in results], demo.limits),
             f"The drives at patch {demo.patches}",
-            f"{captions.DRIVES} {_modulated(results)} divided by the response, as large as the limits allow.",
+            f"{words.DRIVES} {_modulated(results)} divided by the response, as large as the limits allow.",
         ),
         (
             figures.comparison([(r.press, r.check) for r in results]),
             "Measured motion of the table",
-            f"{captions.COMPARISON} n = {results[0].check.plays} plays of each drive.",
+            f"{words.COMPARISON} n = {results[0].check.plays} plays of each drive.",
         ),
         (
             figures.feeling_figure([(r.button, check_feeling(r.check, r.press)) for r in results]),
             "What a finger would feel",
-            f"{captions.FEELING} n = {results[0].check.plays} plays of each drive.",
+            f"{words.FEELING} n = {results[0].check.plays} plays of each drive.",
         ),
     )
     return [html.CaptionedFigure(*one, simulated=True) for one in drawn]

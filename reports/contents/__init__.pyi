@@ -1,4 +1,4 @@
-from . import captions as captions
+from . import words as words
 from .analysis import identification_contents as identification_contents
 from .analysis import power_contents as power_contents
 from .analysis import ratings_contents as ratings_contents

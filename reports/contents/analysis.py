@@ -24,7 +24,7 @@ from ...experiments import (
     people_table,
 )
 from .. import figures
-from . import captions
+from . import words
 from .parts import Contents, Drawing, Fact, Grid, fact, plain
 from .words import ANSWERS_SIMULATED, interval, percent
 
@@ -71,7 +71,7 @@ def identification_contents(result: Identification, simulated: bool, of: str = "
     drawing = Drawing.alone(
         "confusion",
         "Which button was answered",
-        captions.CONFUSION,
+        words.CONFUSION,
         lambda columns: figures.confusion_figure(result, columns),
         f"n = {trials} trials{by}.",
     )
@@ -128,7 +128,7 @@ def ratings_contents(result: Ratings, simulated: bool, of: str = "") -> Contents
     drawing = Drawing.alone(
         "ratings",
         "Adjective ratings",
-        captions.RATINGS,
+        words.RATINGS,
         lambda columns: figures.ratings_figure(result, columns),
         f"Ratings {kind}, n = {len(result.people)} participants.",
     )

@@ -11,7 +11,7 @@ import numpy as np
 from ...calibration import Calibration, Drift, Drive, Model, Resonance, Waveforms, drift_change
 from ...calibration.band import BAND
 from .. import figures
-from . import captions
+from . import words
 from .parts import Contents, Drawing, Fact, Grid, Verdict, detailed, fact
 from .words import damping, percent, sentence
 
@@ -194,7 +194,7 @@ def response_drawing(calibration: Calibration) -> Drawing:
     return Drawing(
         "response",
         f"Response of patch {response.patch} at the {response.point} point",
-        captions.RESPONSE,
+        words.RESPONSE,
         [calibration],
         lambda some, columns: figures.response(some[0], columns=columns),
         lambda _: f"n = {response.repeats} repeats ({response.excitation}), {response.created}.",
@@ -318,7 +318,7 @@ def drive_drawing(drive: Drive) -> Drawing:
     return Drawing(
         "drives",
         "Drives",
-        captions.DRIVES,
+        words.DRIVES,
         [drive],
         lambda some, columns: figures.drives(some, columns=columns),
         lambda some: sentence(

@@ -14,7 +14,7 @@ from ...acquisition import Representative
 from ...calibration import Check, DigitalButton, Feeling, check_feeling
 from ...calibration.drive import OtherPoint
 from .. import figures
-from . import captions
+from . import words
 from .calibration import drive_drawing, drive_facts, response_drawing
 from .feeling import feeling_facts, loudness
 from .glance import Glance, check_glance
@@ -64,7 +64,7 @@ def _check_drawing(name: str, check: Check, there: str = "") -> Drawing:
     return Drawing.alone(
         name,
         f"Check of the {check.drive.button} button{there}: {check.verdict}",
-        captions.CHECK,
+        words.CHECK,
         lambda columns: figures.check_figure(check, columns),
         f"n = {check.plays} plays.",
     )
@@ -126,7 +126,7 @@ def button_contents(button: DigitalButton) -> Contents:
         picture=Drawing.alone(
             f"button-{press.button}",
             title,
-            captions.LEARNING,
+            words.LEARNING,
             lambda columns: figures.button_figure(button, columns),
             _plays([check]),
         ),
@@ -208,7 +208,7 @@ def _figures_of(button: DigitalButton, feeling: Feeling) -> Sequence[Drawing]:
         Drawing.alone(
             f"button-{press.button}",
             f"Digital {press.button} button: {check.verdict}",
-            captions.ITERATIONS,
+            words.ITERATIONS,
             lambda columns: figures.iterations_figure(button, columns),
             f"n = {check.plays} plays, {len(learning.iterations) - 1} corrections.",
         ),
@@ -220,7 +220,7 @@ def _motion_drawing(press: Representative, check: Check) -> Drawing:
     return Drawing(
         "motion",
         "Measured motion of the surface",
-        captions.COMPARISON,
+        words.COMPARISON,
         [(press, check)],
         lambda some, columns: figures.comparison(some, columns),  # noqa: PLW0108 - loads matplotlib
         lambda some: _plays([one for _, one in some]),
@@ -231,7 +231,7 @@ def _feeling_drawing(check: Check, feeling: Feeling) -> Drawing:
     return Drawing(
         "feeling",
         "What a finger would feel",
-        captions.FEELING,
+        words.FEELING,
         [(check, feeling)],
         lambda some, columns: figures.feeling_figure(
             [(one.drive.button, felt) for one, felt in some], columns

@@ -17,7 +17,7 @@ from ...calibration.recalibration import (
     calibrations_of,
 )
 from .. import figures
-from . import captions
+from . import words
 from .parts import Cell, Contents, Drawing, Grid, Tone, fact, verdict_cell
 from .words import counted, damping, fixed, measured_error, percent
 
@@ -81,7 +81,7 @@ def history_contents(history: History) -> Contents:
     trend = Drawing.alone(
         "trend",
         "Calibrations over time",
-        captions.TREND,
+        words.TREND,
         lambda columns: figures.trend(history, columns),
         f"n = {len(looks)} looks.",
     )
@@ -101,7 +101,7 @@ def _modes_drawing(looks: Sequence[Mapping[str, Any]]) -> Drawing:
     return Drawing.alone(
         "modes",
         "Drift of each mode",
-        captions.MODES,
+        words.MODES,
         lambda columns: figures.nights_figure(looks, columns),
         f"n = {len(looks)} nights.",
     )
@@ -253,7 +253,7 @@ def outcome_contents(
         Drawing.alone(
             "before-and-after",
             "Before and after",
-            captions.BEFORE_AND_AFTER,
+            words.BEFORE_AND_AFTER,
             lambda _: figures.before_and_after(outcome.before, after),
         )
     ]

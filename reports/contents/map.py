@@ -9,7 +9,7 @@ import numpy as np
 
 from ...calibration.map import VibrationMap
 from .. import figures
-from . import captions
+from . import words
 from .parts import Contents, Drawing, Verdict, fact
 from .words import percent
 
@@ -66,7 +66,7 @@ def map_contents(found: VibrationMap) -> Contents:
     drawing = Drawing.alone(
         "map",
         "Vibration map",
-        captions.MAP,
+        words.MAP,
         lambda columns: figures.map_figure(found, columns),
         f"n = {done} of {plan.rows * plan.columns} points, at {plan.level:.1f} V peak.",
     )

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from ...calibration import ButtonPlan, Drift
 from .. import figures
-from . import captions
+from . import words
 from .parts import Contents, Drawing, Grid, fact, plain
 from .words import fixed, percent, sentence
 
@@ -80,7 +80,7 @@ def plan_drawing(plan: ButtonPlan) -> Drawing:
     return Drawing(
         "plan",
         "Loudness against likeness",
-        captions.PLAN,
+        words.PLAN,
         [plan],
         lambda some, columns: figures.plan_figure(some, columns),  # noqa: PLW0108 - loads matplotlib
         lambda some: sentence([f"{one.button}, {len(one.curves)} curves" for one in some]),

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...acquisition import Representative
 from .. import figures
-from . import captions
+from . import words
 from .parts import Contents, Drawing, fact
 from .words import SENSORS, derived, sentence, told_by
 
@@ -85,7 +85,7 @@ def travel_drawings(press: Representative) -> list[Drawing]:
         Drawing(
             "travel",
             f"Force over travel of the {press.button} button",
-            captions.TRAVEL,
+            words.TRAVEL,
             [press],
             lambda some, columns: figures.force_over_travel(
                 [figures.Profile.of(one) for one in some], columns=columns
@@ -121,7 +121,7 @@ def press_drawing(press: Representative) -> Drawing:
     return Drawing(
         "presses",
         "Representative presses",
-        f"{captions.PRESSES} Light blue: one standard deviation of the aligned presses.",
+        f"{words.PRESSES} Light blue: one standard deviation of the aligned presses.",
         [press],
         lambda some, columns: figures.profiles([figures.Profile.of(one) for one in some], columns),
         lambda some: sentence(

@@ -13,7 +13,7 @@ from ...acquisition.recording import AlongFile, AlongReading
 from ...base.arrays import FloatArray
 from ...base.parts import PART, Parted
 from .. import figures
-from . import captions
+from . import words
 from .parts import Contents, Drawing, Fact, Verdict, fact
 from .words import counted, sentence, told_by
 
@@ -39,7 +39,7 @@ def forces_drawing(recordings: Sequence[Recording], of: str = "") -> Drawing:
     return Drawing(
         "forces",
         f"Force at activation{of}",
-        captions.FORCES,
+        words.FORCES,
         recordings,
         lambda some, columns: figures.activation_forces(forces_in(some), columns=columns),
         lambda some: sentence(
@@ -232,7 +232,7 @@ def _travelled(recording: Recording, presses: Sequence[ButtonPress]) -> list[Dra
         Drawing.alone(
             "travel",
             f"Force over travel of the {recording.button} button",
-            captions.TRAVEL,
+            words.TRAVEL,
             lambda columns: figures.travel_figure(recording, presses, columns),
             f"{recording.button} by {recording.participant}, n = {len(presses)} presses",
         )
@@ -243,7 +243,7 @@ def _pressed(recording: Recording, presses: tuple[ButtonPress, ...]) -> Drawing:
     return Drawing(
         "pressed",
         "One press of each recording",
-        captions.PRESSES,
+        words.PRESSES,
         [(recording, presses)],
         lambda some, columns: figures.recording_figure(some, columns),  # noqa: PLW0108 - loads matplotlib
         lambda some: sentence(

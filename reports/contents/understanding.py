@@ -9,7 +9,7 @@ import numpy as np
 from ...exchange.curve import Curve, Point
 from ...exchange.importing import Understanding, becomes, curve_of, presses_in
 from .. import figures
-from . import captions
+from . import words
 from .parts import Cell, Contents, Drawing, Fact, Grid, fact
 from .words import sentence
 
@@ -68,7 +68,7 @@ def understanding_contents(found: Understanding) -> Contents:
     drawing = Drawing.alone(
         "columns",
         "A file as it was understood",
-        captions.COLUMNS,
+        words.COLUMNS,
         lambda columns: figures.columns_figure([found], columns),
         found.path.name,
     )
@@ -113,7 +113,7 @@ def curve_contents(curve: Curve) -> Contents:
             Drawing(
                 "curves",
                 "Force over travel",
-                captions.CURVES,
+                words.CURVES,
                 [curve],
                 lambda some, columns: figures.curves_figure(some, columns),  # noqa: PLW0108 - loads matplotlib
                 lambda some: sentence([one.button for one in some]),

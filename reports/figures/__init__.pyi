@@ -2,6 +2,7 @@ from .button import button_figure as button_figure
 from .button import check_figure as check_figure
 from .button import feeling_figure as feeling_figure
 from .button import iterations_figure as iterations_figure
+from .button import plan_figure as plan_figure
 from .columns import columns_figure as columns_figure
 from .columns import curves_figure as curves_figure
 from .encoding import FORMATS as FORMATS
@@ -19,7 +20,6 @@ from .map import response as response
 from .paper import activation_forces as activation_forces
 from .paper import comparison as comparison
 from .paper import drives as drives
-from .plan import plan_figure as plan_figure
 from .plotting import Columns as Columns
 from .press import Profile as Profile
 from .press import force_over_travel as force_over_travel

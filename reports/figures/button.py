@@ -1,4 +1,4 @@
-"""Figures of a check and of a digital button: motion beside its target, iterations, what a finger feels."""
+"""Figures of a check, of a digital button and its plan: motion, iterations, errors, what a finger feels."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, MultipleLocator, NullFormatter
 
 from ...base.wording import capital
-from ...calibration import Check, DigitalButton, Feeling, check_feeling
+from ...calibration import ButtonPlan, Check, DigitalButton, Feeling, check_feeling
+from ...calibration.drive import TOLERANCE
 from ...calibration.perception import shares
 from .plotting import (
     BLUE,
@@ -21,6 +22,8 @@ from .plotting import (
     VERMILLION,
     Columns,
     active,
+    colour,
+    dash,
     legend_under,
     letter,
     new_figure,
@@ -222,10 +225,71 @@ def _time(axes: Axes, feeling: Feeling) -> None:
     part = slice(loud[0], loud[-1] + 1) if np.isfinite(top) and len(loud) else slice(None)
     milliseconds = 1e3 * np.arange(len(feeling.measured_level))[part] / feeling.rate_hz
     axes.axhline(0, color=INK, linewidth=1.2)
-    for level, colour, width, label in drawn:
-        axes.plot(milliseconds, level[part], color=colour, linewidth=width, label=label)
+    for level, ink, width, label in drawn:
+        axes.plot(milliseconds, level[part], color=ink, linewidth=width, label=label)
     act = feeling.pressing.act
     axes.axhspan(-act.lower, act.higher, color=GREY, alpha=0.25, linewidth=0)
     if np.isfinite(top):
         axes.set_ylim(min(top, 0) - _SHOWN_DB / 1.5, max(top, 0) + 6)
     axes.set_ylabel("Level of 20 ms (dB)")
+
+
+_MARKS = "os^Dv"
+
+
+def plan_figure(plans: Sequence[ButtonPlan], columns: Columns = 2) -> Figure:
+    """Draw, for each button, the expected error of what the limits allow over its level above threshold."""
+    with style():
+        figure, grid = panels((len(plans) + 1) // 2, min(len(plans), 2), 2.1, columns)
+        places = [axes for row in grid for axes in row]
+        for number, (plan, axes) in enumerate(zip(plans, places, strict=False)):
+            rows = (len(plan.curves) + 3) // 2 if number < 2 else 0
+            letter(axes, number, capital(plan.button), rows)
+            _draw(axes, plan)
+            if number < 2:
+                legend_under(axes, 2)
+        for axes in places[len(plans) :]:
+            axes.remove()
+        return figure
+
+
+def _draw(axes: Axes, plan: ButtonPlan) -> None:
+    act = plan.sensation(plan.curves[0].offers[0]).act
+    axes.axvspan(-act.lower, act.higher, color=GREY, alpha=0.25, linewidth=0, label="threshold may lie here")
+    axes.axvline(0, color=INK, linewidth=1.2)
+    axes.axhline(100 * TOLERANCE, color=INK, linestyle=":", linewidth=0.8)
+    for number, curve in enumerate(plan.curves):
+        axes.plot(
+            [one.level for one in curve.offers],
+            [100 * one.error for one in curve.offers],
+            color=colour(number),
+            linestyle=dash(number),
+            marker=_MARKS[number % len(_MARKS)],
+            markersize=3.5,
+            label=f"{curve.method}, {curve.patch}",
+        )
+        axes.plot(
+            [one.level for one in curve.offers],
+            [100 * one.drifted for one in curve.offers],
+            color=colour(number),
+            linestyle=dash(number),
+            linewidth=0.7,
+            marker=_MARKS[number % len(_MARKS)],
+            markersize=3.5,
+            fillstyle="none",
+            label=f"_{curve.method}, {curve.patch}, drifted",
+        )
+    axes.plot(
+        [],
+        [],
+        color=GREY,
+        linestyle="none",
+        marker="o",
+        markersize=3.5,
+        fillstyle="none",
+        label="after a drift",
+    )
+    axes.set_ylim(bottom=0)
+    axes.xaxis.set_major_locator(MultipleLocator(5))
+    axes.set_xlabel("Level above threshold, pressing (dB)")
+    axes.set_ylabel("Expected error (%)")

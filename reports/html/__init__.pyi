@@ -1,11 +1,11 @@
+from .files import PaperFigures as PaperFigures
 from .files import Report as Report
 from .files import report_html as report_html
+from .files import write_figures as write_figures
 from .files import write_recalibration as write_recalibration
 from .files import write_report as write_report
 from .page import GLANCE_STYLE as GLANCE_STYLE
 from .page import CaptionedFigure as CaptionedFigure
 from .page import Page as Page
 from .page import glances_html as glances_html
-from .paper_figures import PaperFigures as PaperFigures
-from .paper_figures import write_figures as write_figures
 from .sections import contents_at as contents_at
