@@ -26,8 +26,7 @@ from ..band import BAND
 from ..drive import Drive
 from ..model import Calibration, Model
 from ..response import Hysteresis, Response
-from .overlay import Overlay, lay_over
-from .resting import Dampings, dampings_of
+from .overlay import Dampings, Overlay, dampings_of, lay_over
 
 _RING = 0.3
 """Time (s) after a drive in which the table's ringing does not wrap to its beginning."""

@@ -24,7 +24,7 @@ from ..response import (
     settle,
 )
 from .drift import Kind, PlaceMetrics, Verdict, compare, together
-from .resting import told_touched
+from .overlay import told_touched
 from .sensor_health import LaserAtRest, laser_at_rest, laser_or_patch, loose_accelerometer, without_spikes
 
 Place = tuple[str, str]

@@ -36,7 +36,7 @@ from .common_factor import common_factors, factors_since
 from .drift import compare
 from .history import Generation, History
 from .look import Look, Place, look_at, place_of, places_of, touched_since
-from .resting import TAKE_AWAY, told_touched
+from .overlay import TAKE_AWAY, told_touched
 from .sensor_health import laser_at_rest
 
 _RECENT = 9
