@@ -116,7 +116,7 @@ def ni(
     from ..base.validation import validate  # noqa: PLC0415
     from ..instruments import load_rig_file  # noqa: PLC0415
     from ..instruments.daq.ni_daqmx import NiDaq  # noqa: PLC0415
-    from ..mocks.daq.ni_wire import wiring_of  # noqa: PLC0415
+    from ..mocks.daq.twin import wiring_of  # noqa: PLC0415
     from ..mocks.plant import Plant  # noqa: PLC0415
     from ..nidaqmx_twin import inventory_of, run  # noqa: PLC0415
 

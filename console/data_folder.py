@@ -1,5 +1,6 @@
-"""The folder that the console reads and writes, and the rig's history of calibrations; a page names no other
-file.
+"""What a page may name and send: files of the data folder, no other, and fields, which are bounded.
+
+Beside the folder stands the rig's history of calibrations.
 """
 
 from __future__ import annotations
@@ -101,3 +102,28 @@ def store_of(data: DataFolder, name: object) -> Store:
     """Return the experiment in a folder of the data folder, with its answers. Raises HaploopError."""
     experiment = load_experiment(data.path(f"{name}/experiment.toml"))
     return Store(experiment, data.path(f"{name}/answers"))
+
+
+_LONGEST_TEXT = 200
+"""Bytes of a text that a page sends: what an event of a recording holds."""
+
+
+def clean(text: object, what: str, least: int = 0) -> str:
+    """Return a text of a page on one line. Raises ConfigurationError when it is too long or too short."""
+    line = " ".join(str(text).split())
+    if not least <= len(line) or len(line.encode()) > _LONGEST_TEXT:
+        raise ConfigurationError(f"{what} must have {least} to {_LONGEST_TEXT} characters, not {len(line)}.")
+    return line
+
+
+def whole(value: object, what: str, least: int, most: int) -> int:
+    """Read a whole number. Raises ConfigurationError."""
+    try:
+        number = int(str(value))
+    except ValueError:
+        number = least - 1
+    if not least <= number <= most:
+        raise ConfigurationError(
+            f"{what} must be a whole number from {least} to {most}, not {str(value)[:20]!r}."
+        )
+    return number

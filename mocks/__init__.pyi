@@ -1,3 +1,3 @@
-from .participant import ParticipantModel as ParticipantModel
-from .participant import SimulatedParticipant as SimulatedParticipant
-from .participant import load_participant_model as load_participant_model
+from .people import ParticipantModel as ParticipantModel
+from .people import SimulatedParticipant as SimulatedParticipant
+from .people import load_participant_model as load_participant_model

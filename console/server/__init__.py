@@ -1,7 +1,6 @@
 """The console's server: pages, snapshot and live blocks for browsers, commands from them to the worker."""
 
-from .application import application
 from .security import Access
-from .serving import serve_console
+from .serving import application, serve_console
 
 __all__ = ["Access", "application", "serve_console"]

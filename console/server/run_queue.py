@@ -23,8 +23,7 @@ from ...base.errors import ConfigurationError, DataError, HaploopError
 from ...base.files import private_files, stamp, whole_file
 from ...base.json_files import as_file, changing, read_json
 from ...base.marks import is_marked
-from ..data_folder import DataFolder, store_of
-from ..fields import clean, whole
+from ..data_folder import DataFolder, clean, store_of, whole
 from .conductor import Conductor
 from .follower import Follower
 from .security import ANSWER, json_object

@@ -24,7 +24,7 @@ from ...calibration import (
     with_map,
 )
 from ...instruments import Rig
-from ..fields import clean, whole
+from ..data_folder import clean, whole
 from .job import Tools, Work, files, number, words
 
 ACTOR = "the console"

@@ -30,8 +30,7 @@ from ...calibration import Waveforms, activate, calibrate_keeping, examine, map_
 from ...instruments import Rig
 from ...instruments.operator import ConfirmSettings
 from ...reports.contents import one_style
-from ..data_folder import store_of
-from ..fields import clean, whole
+from ..data_folder import clean, store_of, whole
 from .button_jobs import ACTOR, adopt_button, check, make
 from .job import Job, Tools, Work, numbers, words
 from .presenting import present_stimuli

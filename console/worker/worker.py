@@ -17,8 +17,7 @@ from ...base.signals import uninterrupted
 from ...base.threads import Flag, Inbox
 from ...instruments import Rig, RigFile, open_rig
 from ...instruments.driver import Mode
-from ..data_folder import DataFolder
-from ..fields import clean
+from ..data_folder import DataFolder, clean
 from .board import Board, Observer
 from .job import Tools, Work
 from .jobs import JOBS

@@ -1,9 +1,14 @@
-"""Twin of NI's cards: `CardTwin` with NI's products, timing and sentences."""
+"""Twin of NI's cards: `CardTwin` with NI's products, timing and sentences.
+
+Simulated NI cards (`nidaqmx_twin`) as the wire of a rig.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
@@ -220,3 +225,28 @@ def _unfit(product: Product, channel: Channel) -> str | None:
     if channel.bridge is None and product.ai_measures and "VOLTAGE" not in product.ai_measures:
         return f"a {product.name} does not measure volts: say what its inputs supply (bridge)."
     return None
+
+
+# NI wire of a rig: its cards, with their terminals connected as in the rig file.
+
+
+@contextmanager
+def wire(settings: NiDaq.Settings, plant: Plant) -> Iterator[dict[str, Any]]:
+    """Serve the cards of `settings` on `plant`; yield the setting that points the driver at them.
+
+    Channels and outputs are nodes of the plant with the same names.
+    """
+    from ...nidaqmx_twin import NiServer, inventory_of  # noqa: PLC0415  gRPC, which no twin needs
+
+    for name, channel in settings.channels.items():
+        plant.sample_by(name, device_of(channel.terminal))
+    inventory = inventory_of(settings.devices, described(settings.products))
+    wiring, rtsi = wiring_of(settings), plant.has_rtsi()
+    with NiServer(inventory, plant, wiring, rtsi=rtsi, seed=plant.settings.seed) as server:
+        yield {"server": server.address}
+
+
+def wiring_of(settings: NiDaq.Settings) -> dict[str, str]:
+    """Return the plant's node for each terminal of the cards."""
+    inputs = {channel.terminal: name for name, channel in settings.channels.items()}
+    return inputs | {output.terminal: name for name, output in settings.outputs.items()}

@@ -14,7 +14,7 @@ from typing import Protocol
 from ...base.clock import Clock
 from ...nidaqmx_twin.nodes import Source
 from . import headers
-from .front import PACES, apply_entries, front_entries
+from .front import INFINITE, PACES, QUANTITIES, Quantity, apply_entries, front_entries, within
 from .headers import (
     ARB_MODE,
     BOOLEANS,
@@ -34,7 +34,6 @@ from .headers import (
     WORDS,
     Product,
 )
-from .levels import INFINITE, QUANTITIES, Quantity, within
 from .modulation import AM, FM, check_carrier, modulation_of
 from .scpi import Entry, ScpiDevice, ScpiError, number_of, word_of
 from .waveform import (

@@ -8,7 +8,7 @@ import pytest
 
 from haploop.commands.cli import cli
 from haploop.instruments import Press
-from haploop.mocks.operator import OperatorTwin
+from haploop.mocks.people import OperatorTwin
 
 ROOT = Path(__file__).parents[2]
 

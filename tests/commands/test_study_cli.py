@@ -7,7 +7,7 @@ import pytest
 
 from haploop.commands.study import STUDY_FORM
 from haploop.instruments import Consent, open_rig
-from haploop.mocks.operator import OperatorTwin
+from haploop.mocks.people import OperatorTwin
 from tests.command_line import Run
 
 PNG = b"\x89PNG"

@@ -26,7 +26,7 @@ from haploop.console.worker.page_operator import PageOperator
 from haploop.console.worker.worker import Worker
 from haploop.instruments import load_rig_file, open_rig
 from haploop.instruments.operator import ConfirmSettings
-from haploop.mocks.operator import OperatorTwin
+from haploop.mocks.people import OperatorTwin
 from haploop.reports.contents.recording import recording_contents
 from tests.raising import raises
 

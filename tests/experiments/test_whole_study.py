@@ -19,7 +19,7 @@ from haploop.experiments.protocol import (
     load_experiment,
     valid,
 )
-from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
+from haploop.mocks.people import ParticipantModel, SimulatedParticipant
 
 PEOPLE = 20
 NOTHING: dict[str, Any] = {

@@ -40,7 +40,7 @@ from haploop.instruments.relay.yocto import Yocto
 from haploop.instruments.vibrometer.pdv100 import Pdv100
 from haploop.mocks.daq.twin import DaqTwin
 from haploop.mocks.generator import KEYSIGHT_33500, Box
-from haploop.mocks.operator import OperatorTwin
+from haploop.mocks.people import OperatorTwin
 from haploop.mocks.plant import Plant
 from haploop.mocks.relay import BoxFault, RelayTwin
 from haploop.mocks.transport import DirectLine

@@ -28,7 +28,7 @@ from haploop.instruments.vibrometer.ofv5000 import Ofv5000
 from haploop.instruments.vibrometer.pdv100 import Pdv100
 from haploop.mocks.daq.twin import DaqTwin
 from haploop.mocks.generator import DG1000Z, KEYSIGHT_33500, Box, Product
-from haploop.mocks.operator import OperatorTwin
+from haploop.mocks.people import OperatorTwin
 from haploop.mocks.plant import Faults, LaserHead, Plant
 from haploop.mocks.relay import BoxFault, RelayTwin, SimulatedBox, box_in
 from haploop.mocks.relay.serial_relay import SerialRelayTwin, SerialRelayWire

@@ -30,7 +30,7 @@ from haploop.experiments import (
 )
 from haploop.experiments.presentation import _refuse_amplitudes
 from haploop.instruments import Rig, open_rig
-from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
+from haploop.mocks.people import ParticipantModel, SimulatedParticipant
 from haploop.mocks.plant import touches
 from tests.experiments.played import PLAYED, played
 from tests.raising import raises

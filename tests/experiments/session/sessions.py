@@ -8,7 +8,7 @@ from haploop.base.clock import VirtualClock
 from haploop.base.line_files import Mark, read_lines, read_marks, write_marks
 from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store, open_session, run_session
-from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
+from haploop.mocks.people import ParticipantModel, SimulatedParticipant
 
 __all__ = ["Stops", "answers", "broken", "killed", "ran", "run", "store"]
 

@@ -13,7 +13,7 @@ from haploop.base.errors import DataError
 from haploop.base.line_files import LineFile
 from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store, export_answers, open_session
-from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
+from haploop.mocks.people import ParticipantModel, SimulatedParticipant
 from tests.experiments.session.sessions import killed, ran, run, store
 from tests.mutating import refused
 from tests.raising import raises

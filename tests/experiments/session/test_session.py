@@ -14,7 +14,7 @@ from haploop.base.json_files import as_line, from_text
 from haploop.experiments.analysis import analyse_identification, read_rows
 from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store, export_answers, open_session, read_log
-from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
+from haploop.mocks.people import ParticipantModel, SimulatedParticipant
 from tests.experiments.session.sessions import answers, broken, killed, ran, run, store
 from tests.mutating import mutations, refused
 from tests.raising import raises

@@ -1,4 +1,4 @@
-"""Simulated participants, who answer by a psychometric model."""
+"""Simulated people: the operator, who acts on the plant, and participants, whose answers a model draws."""
 
 from __future__ import annotations
 
@@ -9,10 +9,71 @@ from pathlib import Path
 from typing import Annotated, Any, Protocol
 
 import numpy as np
-from pydantic import Field
+from pydantic import BaseModel, Field
 
 from ..base.bounded import Fraction, Positive, Proportion, Seed, Strict
 from ..instruments.config import load_model
+from ..instruments.operator import (
+    Aim,
+    Cable,
+    ConfirmSettings,
+    LiftFinger,
+    Operator,
+    Place,
+    Press,
+    Remove,
+    Request,
+    RestFinger,
+    TakeTarget,
+    Target,
+    Touch,
+    Uncable,
+)
+from .plant import Plant
+
+
+class OperatorTwin(Operator):
+    """Simulated operator: follows every request, and confirms the instruments' settings truthfully."""
+
+    def __init__(self, settings: BaseModel, plant: Plant) -> None:
+        self._plant = plant
+
+    def tell(self, request: Request) -> None:
+        """See `Operator.tell`."""
+        self.confirm(request)
+
+    def confirm(self, request: Request) -> bool:
+        """See `Operator.confirm`."""
+        if isinstance(request, ConfirmSettings):
+            return self._plant.set_as_filed
+        self._follow(request)
+        return True
+
+    def _follow(self, request: Request) -> None:
+        match request:
+            case Press():
+                self._plant.press(request)
+            case Touch():
+                self._plant.touch(request)
+            case RestFinger():
+                self._plant.rest(request)
+            case LiftFinger():
+                self._plant.lift()
+            case Aim():
+                self._plant.aim(request.point)
+            case Place():
+                self._plant.put(request.mass)
+            case Remove():
+                self._plant.put(0.0)
+            case Target():
+                self._plant.target = request.area
+            case TakeTarget():
+                self._plant.target = 0.0
+            case Cable():
+                self._plant.cables[request.channel] = request.output
+            case Uncable():
+                self._plant.cables.clear()
+
 
 # A simulated participant: what it feels, and how it answers each step, reproducibly.
 
