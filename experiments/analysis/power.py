@@ -16,7 +16,7 @@ from ...base.errors import DataError
 from ...base.progress import Progress, silent
 from ...instruments.config import load_model
 from .anova import anova
-from .intervals import Interval, wilson_interval
+from .identification import Interval, wilson_interval
 
 
 class PowerPlan(Strict):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from haploop.experiments import eta_squared_interval
-from haploop.experiments.analysis.anova import Effect, anova, compare_levels
-from haploop.experiments.analysis.intervals import cohen_interval, wilson_interval
+from haploop.experiments.analysis.anova import Effect, anova, cohen_interval, compare_levels
+from haploop.experiments.analysis.identification import wilson_interval
 from haploop.experiments.analysis.ratings import MultivariateEffect, manova_independent, manova_repeated
 from haploop.experiments.analysis.table import Cells, cells_of, read_rows
 

@@ -9,10 +9,11 @@ from haploop.base.errors import DataError
 from haploop.experiments.analysis.identification import (
     METRICS,
     analyse_identification,
+    clustered_interval,
     confusion_of,
     confusions_by,
+    wilson_interval,
 )
-from haploop.experiments.analysis.intervals import clustered_interval, wilson_interval
 from haploop.experiments.analysis.table import read_rows
 
 BUTTONS = ("latch", "toggle", "push")

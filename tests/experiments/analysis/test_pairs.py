@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy
 
-from haploop.experiments.analysis.anova import bonferroni, paired
-from haploop.experiments.analysis.intervals import clustered_interval, cohen_interval, wilson_interval
+from haploop.experiments.analysis.anova import bonferroni, cohen_interval, paired
+from haploop.experiments.analysis.identification import clustered_interval, wilson_interval
 from haploop.experiments.analysis.ratings import analyse_ratings
 from haploop.experiments.analysis.table import Rows, cells_of
 
