@@ -84,7 +84,7 @@ class CombinedDaq(Daq):
 
     def __init__(self, daq: Daq, along: FreeRunning, clock: Clock, base: str | None = None) -> None:
         """`base` is a channel of the DAQ to be read where none is asked for, for its clock."""
-        self.daq, self.along = daq, along
+        self._daq, self._along = daq, along
         self.clock, self._base = clock, base
         self._interlock = daq._interlock
         self.identity = f"{daq.identity}, and along with it {along.identity}"
@@ -93,20 +93,20 @@ class CombinedDaq(Daq):
 
     def _stream(self, request: StreamRequest) -> Stream:
         channels = request.channels
-        own = [name for name in channels if name not in self.along.channels]
+        own = [name for name in channels if name not in self._along.channels]
         if len(own) == len(channels):
-            return self.daq._stream(request)
-        edge = self.along.edge
+            return self._daq._stream(request)
+        edge = self._along.edge
         # Of these the free-running one has need, whether they are asked for or not.
         needed = [edge.channel] if edge is not None else [self._base] if not own and self._base else []
         read = tuple(dict.fromkeys([*own, *needed]))
         if not read:
             raise ConfigurationError(
-                f"{', '.join(channels)} of {self.along.identity} cannot be read without a channel of the "
+                f"{', '.join(channels)} of {self._along.identity} cannot be read without a channel of the "
                 "DAQ, on whose clock they are placed: add one."
             )
-        self.along.settle()
-        return _AlongsideStream(self, channels, self.daq._stream(replace(request, channels=read)))
+        self._along.settle()
+        return _AlongsideStream(self, channels, self._daq._stream(replace(request, channels=read)))
 
     def cards(self, channels: Sequence[str]) -> Mapping[str, Sequence[str]]:
         """See `Daq.cards`: the free-running one's are with the DAQ's first card, on whose clock they are
@@ -114,54 +114,54 @@ class CombinedDaq(Daq):
         """
         groups = {
             card: list(names)
-            for card, names in self.daq.cards([c for c in channels if c not in self.along.channels]).items()
+            for card, names in self._daq.cards([c for c in channels if c not in self._along.channels]).items()
         }
         for name in channels:
-            if name in self.along.channels:
+            if name in self._along.channels:
                 groups.setdefault(next(iter(groups), ""), []).append(name)
         return groups
 
     def response(self, channel: str, frequencies: FloatArray) -> ComplexArray:
         """See `Daq.response`."""
-        return (self.along if channel in self.along.channels else self.daq).response(channel, frequencies)
+        return (self._along if channel in self._along.channels else self._daq).response(channel, frequencies)
 
     def filtered(self, channel: str) -> bool:
         """See `Daq.filtered`."""
-        return (self.along if channel in self.along.channels else self.daq).filtered(channel)
+        return (self._along if channel in self._along.channels else self._daq).filtered(channel)
 
     def output_response(self, output: str, frequencies: FloatArray) -> ComplexArray:
         """See `Daq.output_response`."""
-        return self.daq.output_response(output, frequencies)
+        return self._daq.output_response(output, frequencies)
 
     def clear_left(self) -> None:
         """See `Daq.clear_left`."""
-        self.daq.clear_left()
+        self._daq.clear_left()
 
     def zero(self) -> None:
         """See `Daq.zero`."""
-        self.daq.zero()
+        self._daq.zero()
 
     def hold(self) -> None:
         """See `Daq.hold`."""
-        self.daq.hold()
+        self._daq.hold()
 
     def _let_go(self) -> None:
-        self.daq._let_go()
+        self._daq._let_go()
 
     def outputs_read(self) -> Mapping[str, float]:
         """See `Daq.outputs_read`."""
-        return self.daq.outputs_read()
+        return self._daq.outputs_read()
 
     def close(self) -> None:
         """See `Daq.close`: each is closed by the rig itself."""
-        self.daq.close()
+        self._daq.close()
 
 
 class _AlongsideStream(Stream):
     """See `Stream`. A block is given out once the free-running DAQ has passed its end."""
 
     def __init__(self, daq: CombinedDaq, channels: tuple[str, ...], stream: Stream) -> None:
-        along = daq.along
+        along = daq._along
         self.channels, self.rate_hz = channels, stream.rate_hz
         self._daq, self._stream = daq, stream
         self._own = [row for row, name in enumerate(channels) if name not in along.channels]
@@ -180,7 +180,7 @@ class _AlongsideStream(Stream):
     def __iter__(self) -> Iterator[Block]:
         """See `Stream.__iter__`."""
         waiting: deque[Block] = deque()
-        along, clock = self._daq.along, self._daq.clock
+        along, clock = self._daq._along, self._daq.clock
         for block in self._stream:
             self._times.note(block.end - 1, clock.now())
             self._note_edges(block)
@@ -204,18 +204,18 @@ class _AlongsideStream(Stream):
         if self._open:
             self._open = False
             self._stream.close()
-            self._daq.along.correct(self._lateness())
+            self._daq._along.correct(self._lateness())
 
     def _end(self, block: Block) -> float:
         return float(self._times.at(np.array([block.end - 1.0]))[0])
 
     def _behind(self) -> InstrumentError:
         return InstrumentError(
-            f"{self._daq.along.identity} has sent nothing for {_LATE:g} s: check its cable and its program."
+            f"{self._daq._along.identity} has sent nothing for {_LATE:g} s: check its cable and its program."
         )
 
     def _placed(self, block: Block) -> Block:
-        along = self._daq.along
+        along = self._daq._along
         times = self._times.at(np.arange(block.first, block.end, dtype=np.float64))
         names = [self.channels[row] for row in self._others]
         volts = np.empty((len(self.channels), len(times)))
@@ -226,7 +226,7 @@ class _AlongsideStream(Stream):
         return Block(block.first, volts, overload)
 
     def _note_edges(self, block: Block) -> None:
-        edge = self._daq.along.edge
+        edge = self._daq._along.edge
         if edge is None:
             return
         row = block.volts[self._stream.channels.index(edge.channel)]

@@ -41,7 +41,7 @@ class NiDaq(Daq):
         """The `[daq]` table of a rig file."""
 
     def __init__(self, settings: Settings, sessions: Sessions) -> None:
-        self.settings = settings
+        self._settings = settings
         self._sessions = sessions
         self._streams: list[NiStream] = []
         # Tasks of one name: two threads that zero, or look at the outputs, at once would clear each other's.
@@ -75,7 +75,7 @@ class NiDaq(Daq):
     @property
     def pieces(self) -> tuple[str, ...]:
         """What `hardware` names, by the numbers of the cards that were opened."""
-        return _pieces(self.settings, {name: card.numbers for name, card in self._cards.items()})
+        return _pieces(self._settings, {name: card.numbers for name, card in self._cards.items()})
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
@@ -98,7 +98,7 @@ class NiDaq(Daq):
         from .ni_stream import NiStream  # noqa: PLC0415
 
         self._refuse(request)
-        known, outputs = self.settings.channels, self.settings.outputs
+        known, outputs = self._settings.channels, self._settings.outputs
         plan = Plan.of(
             {name: known[name].terminal for name in request.channels},
             {name: outputs[name].terminal for name in request.play},
@@ -113,19 +113,19 @@ class NiDaq(Daq):
         """See `Daq.cards`."""
         groups: dict[str, list[str]] = {}
         for name in channels:
-            channel = self.settings.channels.get(name)
+            channel = self._settings.channels.get(name)
             groups.setdefault(device_of(channel.terminal) if channel else "", []).append(name)
         return groups
 
     def filtered(self, channel: str) -> bool:
         """See `Daq.filtered`: delta-sigma converters are, and a channel whose filter the rig file states."""
-        own = self.settings.channels[channel]
+        own = self._settings.channels[channel]
         return own.filter_delay is not None or self._cards[device_of(own.terminal)].product in FILTERS
 
     def clear_left(self) -> None:
         """See `Daq.clear_left`."""
         names = dict.fromkeys(name for card in self._cards.values() for name in (card.name, card.home))
-        counted = [name for name, channel in self.settings.channels.items() if channel.counter]
+        counted = [name for name, channel in self._settings.channels.items() if channel.counter]
         purposes = ("input", "output", "outputs", "reserved", *(f"counter {name}" for name in counted))
         self._sessions.clear_left(f"{n} {purpose}" for n in names for purpose in purposes)
 
@@ -168,7 +168,7 @@ class NiDaq(Daq):
 
     def _outputs_read(self, homes: Collection[str]) -> dict[str, float]:
         named: dict[str, list[str]] = {}
-        for name, output in self.settings.outputs.items():
+        for name, output in self._settings.outputs.items():
             card = self._cards[device_of(output.terminal)]
             if card.reads_outputs and card.home in homes:
                 named.setdefault(card.name, []).append(name)
@@ -176,7 +176,7 @@ class NiDaq(Daq):
         for device, names in named.items():
             with self.talking_to(device), self.task(f"{device} outputs") as task:
                 for name in names:
-                    terminal = self.settings.outputs[name].terminal
+                    terminal = self._settings.outputs[name].terminal
                     # Full scale, whatever the rig file allows: another program may put out more.
                     task.ai_channels.add_ai_voltage_chan(
                         f"{device}/_{terminal.partition('/')[2]}_vs_aognd", min_val=-10.0, max_val=10.0
@@ -229,14 +229,14 @@ class NiDaq(Daq):
         """Turn any error of NI's library into one sentence about `device`."""
         from .ni_cards import translated, understood  # noqa: PLC0415
 
-        with understood(device), translated(device, self.settings.server):
+        with understood(device), translated(device, self._settings.server):
             yield
 
     # Checks
 
     def _refuse(self, request: StreamRequest) -> None:
-        channels, play, outputs = request.channels, request.play, self.settings.outputs
-        request.refuse_unknown(self.settings.channels, outputs)
+        channels, play, outputs = request.channels, request.play, self._settings.outputs
+        request.refuse_unknown(self._settings.channels, outputs)
         if not channels or len(set(channels)) != len(channels):
             raise ConfigurationError("A stream needs at least one channel, and each channel once.")
         if request.block < 1 or (request.samples is not None and request.samples < 2):

@@ -45,7 +45,7 @@ class Cards(Tasks, Protocol):
     """What a stream asks of the cards that it runs on."""
 
     @property
-    def settings(self) -> NiSettings:
+    def _settings(self) -> NiSettings:
         """Settings of the rig file."""
 
     def outputs_at(self, home: str) -> NiOutputs:
@@ -101,7 +101,7 @@ class NiStream(Stream):
                         )
                     delays += self._delays(task, names)
                     for name, channel in zip(names, listed, strict=True):
-                        unit = factor(daq.settings.channels[name])
+                        unit = factor(daq._settings.channels[name])
                         high = believed(home, "range (V)", unit * float(channel.ai_rng_high), 1e-3, 1e3)
                         bits = believed(home, "resolution (bits)", float(channel.ai_resolution), 8, 32)
                         ranges.append(high)
@@ -110,7 +110,7 @@ class NiStream(Stream):
                 with daq.talking_to(home):
                     self._counters.append(self._counter(home, name))
                 delays.append(0.0)
-                ranges.append(daq.settings.channels[name].range)
+                ranges.append(daq._settings.channels[name].range)
                 widths.append(0.0)
             self._measure(np.array(delays), np.array(ranges), np.array(widths))
             if request.play:
@@ -136,7 +136,7 @@ class NiStream(Stream):
             reader.verify_array_shape = False  # The shape is known; a check costs a call per read.
             self._readers.append(reader)
         self._units = np.array(
-            [factor(self._daq.settings.channels[name]) for _, names in self._plan.inputs for name in names]
+            [factor(self._daq._settings.channels[name]) for _, names in self._plan.inputs for name in names]
         )[:, np.newaxis]
 
     @property
@@ -194,7 +194,7 @@ class NiStream(Stream):
             self._daq.done(outputs)
 
     def _input(self, home: str, names: tuple[str, ...], rate_hz: float) -> Any:
-        settings = self._daq.settings
+        settings = self._daq._settings
         task = self._daq.task(f"{home} input")
         self._inputs.append(task)
         for name in names:
@@ -222,7 +222,7 @@ class NiStream(Stream):
     def _counter(self, home: str, name: str) -> Any:
         """Create the task of a counter that counts on the master's sample clock."""
         task = self._daq.task(f"{home} counter {name}")
-        add_counter(task, self._daq.settings.channels[name])
+        add_counter(task, self._daq._settings.channels[name])
         finite = self._request.samples is not None
         task.timing.cfg_samp_clk_timing(
             self.rate_hz,
@@ -235,7 +235,7 @@ class NiStream(Stream):
     def _delays(self, task: Any, names: tuple[str, ...]) -> list[float]:
         """Delays of a task's channels after the clock edge (s): of the multiplexer less those of filters."""
         conversions, products = self._plan.conversions(task)
-        own = (self._daq.settings.channels[name].filter_delay for name in names)
+        own = (self._daq._settings.channels[name].filter_delay for name in names)
         return [
             late - (filter_delay(product, self.rate_hz) if given is None else given)
             for late, product, given in zip(conversions, products, own, strict=True)
@@ -278,7 +278,7 @@ class NiStream(Stream):
         names = dict(self._plan.inputs).get(home, ())
         if not self._beside_outputs():
             return False
-        first = self._daq.settings.channels[names[0]]
+        first = self._daq._settings.channels[names[0]]
         return reservable(self._daq, home, lambda task: add_input(task, first))
 
     def _read(self, first: int, count: int) -> FloatArray:

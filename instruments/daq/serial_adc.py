@@ -11,6 +11,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -49,9 +50,9 @@ class SerialAdc(FreeRunning):
     reads_hz = 1.0
 
     def __init__(self, settings: Settings, clock: Clock, line: ByteLine) -> None:
-        self.settings, self.clock, self._line = settings, clock, line
+        self._settings, self.clock, self._line = settings, clock, line
         self.identity = f"Serial ADC at {settings.port}"
-        self.channels = {name: channel.range for name, channel in settings.channels.items()}
+        self.channels = MappingProxyType({name: channel.range for name, channel in settings.channels.items()})
         edge = settings.edge
         self.edge = None if edge is None else Edge(edge.channel, edge.threshold)
         self._lost = 0
@@ -92,7 +93,7 @@ class SerialAdc(FreeRunning):
                 f"The DAQ has no channel {unknown[0]!r}; the rig file names {', '.join(self.channels)}, and "
                 f"{self.identity} has no outputs."
             )
-        own, rate_hz = self.settings.rate_hz, request.rate_hz
+        own, rate_hz = self._settings.rate_hz, request.rate_hz
         if not abs(rate_hz - own) <= 1e-9 * own:
             raise ConfigurationError(
                 f"{self.identity} sends {own:g} frames a second, and {rate_hz:g} were asked for: write "
@@ -115,7 +116,7 @@ class SerialAdc(FreeRunning):
         `latency_error`.
         """
         frame = 0.5 / self._times.rate_hz
-        return frame if self._corrected is not None else max(frame, self.settings.latency_error)
+        return frame if self._corrected is not None else max(frame, self._settings.latency_error)
 
     @property
     def lost(self) -> int:
@@ -125,7 +126,7 @@ class SerialAdc(FreeRunning):
     @property
     def latency(self) -> float:
         """Shortest time from a sample to its arrival (s), as an edge has measured it, or else as declared."""
-        return self.settings.latency + (self._corrected or 0.0)
+        return self._settings.latency + (self._corrected or 0.0)
 
     def settle(self) -> None:
         """See `FreeRunning.settle`."""
@@ -142,7 +143,7 @@ class SerialAdc(FreeRunning):
     def follow(self, wait: float) -> float:
         """See `FreeRunning.follow`."""
         self.take(wait)
-        oldest = self.end - round(_KEPT * self.settings.rate_hz)
+        oldest = self.end - round(_KEPT * self._settings.rate_hz)
         if oldest > self._first:
             del self._frames[: oldest - self._first]
             self._first = oldest
@@ -157,9 +158,9 @@ class SerialAdc(FreeRunning):
             raise self.silent()
         inside = known[max(bisect_left(known, times[0]) - 1, 0) : bisect_left(known, times[-1]) + 1]
         widest = float(np.diff(inside).max(initial=0.0))
-        if widest > self.settings.bridge + 1.5 / self.settings.rate_hz:
+        if widest > self._settings.bridge + 1.5 / self._settings.rate_hz:
             raise InstrumentError(
-                f"{self.identity} lost {round(widest * self.settings.rate_hz) - 1} frames in a row "
+                f"{self.identity} lost {round(widest * self._settings.rate_hz) - 1} frames in a row "
                 f"({widest:.3g} s): check its cable, its power and its program; 'bridge' in [adc] says how "
                 "long a gap may be."
             )
@@ -218,8 +219,8 @@ class SerialAdc(FreeRunning):
         """Take what has arrived. Raises InstrumentError."""
         if not self._began:
             self._began = True
-            if self.settings.start:
-                self._line.send(self.settings.start.encode())
+            if self._settings.start:
+                self._line.send(self._settings.start.encode())
         for time, data in self._line.arrived(wait):
             came = self._decoder.feed(data)
             for frame in came:
@@ -235,8 +236,8 @@ class SerialAdc(FreeRunning):
 
     def volts(self, frames: Sequence[Any], channels: Sequence[str]) -> FloatArray:
         """(channels, frames) V of whole frames."""
-        raw = np.array(frames, dtype=np.float64).reshape(len(frames), self.settings.frame.width)
-        columns = [self.settings.channels[name] for name in channels]
+        raw = np.array(frames, dtype=np.float64).reshape(len(frames), self._settings.frame.width)
+        columns = [self._settings.channels[name] for name in channels]
         return np.array([one.scale * raw[:, one.column - 1] + one.offset for one in columns])
 
     def silent(self) -> InstrumentError:
@@ -253,7 +254,7 @@ class SerialAdc(FreeRunning):
 
     def refuse_rate(self) -> None:
         """Raise ConfigurationError when arrivals tell another rate than the rig file."""
-        told, declared = self._times.rate_hz, self.settings.rate_hz
+        told, declared = self._times.rate_hz, self._settings.rate_hz
         if self.end > _SURE * declared and abs(told / declared - 1) > _OFF:
             raise ConfigurationError(
                 f"{self.identity} sends {told:.4g} frames a second, and the rig file says {declared:g}: "
@@ -266,13 +267,13 @@ class SerialAdc(FreeRunning):
         """
         slip, self._times.slip = self._times.slip, 0.0
         missed = round(slip * self._times.rate_hz)
-        if missed and self.settings.counter is None:
+        if missed and self._settings.counter is None:
             self._frames += [None] * missed
             self._lost += missed
 
     def _number(self, frame: Frame) -> None:
         """Append a frame, after as many damaged ones as the counter tells to have been lost."""
-        settings = self.settings
+        settings = self._settings
         if frame is not None and settings.counter is not None:
             counted = frame[settings.counter - 1]
             if self._counted is not None:
@@ -303,7 +304,7 @@ class _SerialStream(Stream):
     """See `Stream`: the frames of an only DAQ."""
 
     def __init__(self, daq: SerialAdc, request: StreamRequest) -> None:
-        self.channels, self.rate_hz = request.channels, daq.settings.rate_hz
+        self.channels, self.rate_hz = request.channels, daq._settings.rate_hz
         self.delays = np.zeros(len(self.channels))
         self.full_scale = np.array([daq.channels[name] for name in self.channels])
         self._daq, self._request = daq, request

@@ -57,7 +57,7 @@ class SoundCardDaq(Daq):
     def __init__(self, settings: Settings, clock: Clock, audio: Audio) -> None:
         """Look the device up; nothing is opened. Raises ConfigurationError and InstrumentError."""
         self.audio = audio
-        self.settings, self.clock = settings, clock
+        self._settings, self.clock = settings, clock
         self._stream_open: SoundCardStream | None = None
         sides = {
             "input": max(c.input for c in settings.channels.values()),
@@ -91,7 +91,7 @@ class SoundCardDaq(Daq):
 
     def response(self, channel: str, frequencies: FloatArray) -> ComplexArray:
         """See `Daq.response`: the input's AC coupling."""
-        return high_pass(frequencies, self.settings.channels[channel].high_pass_hz)
+        return high_pass(frequencies, self._settings.channels[channel].high_pass_hz)
 
     def filtered(self, channel: str) -> bool:
         """See `Daq.filtered`: converters of audio have a filter each."""
@@ -99,7 +99,7 @@ class SoundCardDaq(Daq):
 
     def output_response(self, output: str, frequencies: FloatArray) -> ComplexArray:
         """See `Daq.output_response`: the output's AC coupling."""
-        return high_pass(frequencies, self.settings.outputs[output].high_pass_hz)
+        return high_pass(frequencies, self._settings.outputs[output].high_pass_hz)
 
     def _stream(self, request: StreamRequest) -> Stream:
         self._refuse(request)
@@ -119,9 +119,9 @@ class SoundCardDaq(Daq):
     # For streams
 
     def _refuse(self, request: StreamRequest) -> None:
-        outputs = self.settings.outputs
-        request.refuse_unknown(self.settings.channels, outputs)
-        own, rate_hz = self.settings.rate_hz, request.rate_hz
+        outputs = self._settings.outputs
+        request.refuse_unknown(self._settings.channels, outputs)
+        own, rate_hz = self._settings.rate_hz, request.rate_hz
         if not abs(rate_hz - own) <= _SAME * own:
             raise ConfigurationError(
                 f"{self.identity} runs at {own:g} samples/s ('rate_hz' in [daq]), and {rate_hz:g} were asked "
@@ -143,7 +143,7 @@ class SoundCardStream(Stream):
     """See `Stream`."""
 
     def __init__(self, daq: SoundCardDaq, request: StreamRequest) -> None:
-        settings, channels, play = daq.settings, request.channels, request.play
+        settings, channels, play = daq._settings, request.channels, request.play
         self.channels, self.rate_hz = channels, settings.rate_hz
         self.delays = np.zeros(len(channels))
         self.full_scale = np.array([settings.channels[name].volts_per_full_scale for name in channels])
@@ -252,9 +252,9 @@ class _Monitor:
     """Compares what an input hears of a play with its waveform: the latency must be the declared one."""
 
     def __init__(self, daq: SoundCardDaq, wave: FloatArray) -> None:
-        assert daq.settings.monitor is not None
+        assert daq._settings.monitor is not None
         self._daq, self._wave = daq, wave
-        self._row = daq.settings.channels[daq.settings.monitor].input - 1
+        self._row = daq._settings.channels[daq._settings.monitor].input - 1
         self._heard: list[FloatArray] = []
         self._count = 0
 
@@ -267,7 +267,7 @@ class _Monitor:
                 self._compare(np.concatenate(self._heard))
 
     def _compare(self, heard: FloatArray) -> None:
-        rate_hz = self._daq.settings.rate_hz
+        rate_hz = self._daq._settings.rate_hz
         most = min(round(_MOST_LATE * rate_hz), len(self._wave) // 2)
         size = fast_length(len(heard) + len(self._wave))
         spectra = [np.fft.rfft(signal - signal.mean(), size) for signal in (heard, self._wave)]
@@ -282,7 +282,7 @@ class _Monitor:
         # after each period, and less so: what it leaves unexplained is compared.
         left = 1 - np.array([near[best], near[np.abs(lags) <= _SHIFT].max(initial=0.0)]) ** 2
         if near[best] >= _HEARD and left[1] > _CLEAR * left[0] + _EXACT:
-            settings = self._daq.settings
+            settings = self._daq._settings
             raise InstrumentError(
                 f"{self._daq.identity} played with a latency of {(settings.latency or 0) + lags[best]} "
                 f"frames, and [daq] says {settings.latency}: what was measured is not used. Use a driver "

@@ -106,15 +106,16 @@ class ChannelRelay(Relay):
 
     def _connect(self, patches: Collection[str]) -> None:
         wanted = frozenset(patches)
-        unknown = sorted(wanted - set(self.patches))
+        unknown = sorted(wanted - set(self._channels))
         if unknown:
             raise ConfigurationError(
-                f"{self.identity} has no patch {unknown[0]!r}: the rig file wires {', '.join(self.patches)}."
+                f"{self.identity} has no patch {unknown[0]!r}: the rig file wires "
+                f"{', '.join(self._channels)}."
             )
         self._check_open()
         with self._switching:
             self._held = frozenset()
-            others = [p for p in self.patches if p not in wanted]
+            others = [p for p in self._channels if p not in wanted]
             # What has rested open needs no time to open: a finger would feel the wait before its drive. To
             # open everything is always commanded, whatever the box reports.
             if not wanted or any(state.closed for state in self._states(others).values()):
@@ -122,13 +123,13 @@ class ChannelRelay(Relay):
                 self._expect(others, frozenset())
             for patch in sorted(wanted):
                 self._board.close_channel(self._channels[patch])
-            self._expect(self.patches, wanted)
+            self._expect(self._channels, wanted)
             self._held = wanted
 
     def connected(self) -> frozenset[str]:
         """See `Relay.connected`."""
         self._check_open()
-        states = self._states(self.patches)
+        states = self._states(self._channels)
         return frozenset(patch for patch, state in states.items() if state.closed)
 
     def _renew(self) -> None:
@@ -140,7 +141,7 @@ class ChannelRelay(Relay):
     def _renew_held(self) -> None:
         self._check_open()
         held, self._held = self._held, frozenset()
-        for patch, state in self._states(self.patches).items():
+        for patch, state in self._states(self._channels).items():
             if state.closed != (patch in held):
                 now = "closed" if state.closed else "open"
                 raise InstrumentError(

@@ -165,10 +165,6 @@ class LabJackT7(Daq):
     # For streams
 
     @property
-    def settings(self) -> Settings:
-        return self._settings
-
-    @property
     def ljm(self) -> Any:
         return self._ljm
 
@@ -194,7 +190,7 @@ class LabJackT7(Daq):
 
 class _T7Stream(Stream):
     def __init__(self, daq: LabJackT7, request: StreamRequest) -> None:
-        settings, ljm = daq.settings, daq.ljm
+        settings, ljm = daq._settings, daq.ljm
         self.channels = channels = request.channels
         self.delays = INTERVAL * np.arange(len(channels))
         self.full_scale = np.array([float(settings.channels[name].range) for name in channels])

@@ -46,7 +46,7 @@ def held(rig: Rig, output: str, volts: float) -> Iterator[None]:
 
 @contextmanager
 def _foreign_task(rig: Rig, output: str) -> Iterator[nidaqmx.Task]:
-    settings = rig.daq.settings
+    settings = rig.daq._settings
     with grpc.insecure_channel(settings.server) as channel:
         name = f"somebody's {output}"
         with nidaqmx.Task(name, grpc_options=GrpcSessionOptions(channel, name)) as task:

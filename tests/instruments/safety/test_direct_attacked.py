@@ -109,7 +109,7 @@ def test_a_taken_output_locks_out_whoever_finds_it(tmp_path):
 def test_who_takes_the_output_gets_zero_each_time(tmp_path, monkeypatch):
     path, world = served(tmp_path)
     with open_rig(path) as rig, clients(rig) as (other,):
-        server = rig.daq.settings.server
+        server = rig.daq._settings.server
         watch, looks, waits = rig._limiter._watch, 0, []
         look, wait = watch._look, rig.clock.wait
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.base.errors import ConfigurationError, InstrumentError
+from haploop.base.errors import InstrumentError
 from haploop.instruments import Rig, Sweep, open_rig
 from haploop.instruments.safety.audit import entries
 from tests.instruments.safety.at_the_patch import bursts
@@ -102,17 +102,6 @@ def test_a_player_starts_from_outputs_at_zero():
         leave(rig, "amplifier", 8.0)
         rig.excite(np.pad(TONE, 100), ["A"], ["drive"])
         assert stopped[0] == frozenset()
-
-
-def test_the_outputs_that_are_set_to_zero_are_not_forgotten():
-    """The settings of an open DAQ name its outputs, and say where they are."""
-    with open_rig("simulated", simulate="wire") as rig:
-        leave(rig, "amplifier", 8.0)
-        outputs = rig.daq.settings.outputs
-        for change in (outputs.clear, lambda: outputs.pop("amplifier"), rig.daq.settings.channels.clear):
-            raises(ConfigurationError, "cannot be changed in the program", change)
-        rig.relay.connect(["A"])
-        assert reached(rig) < 0.1
 
 
 def test_a_stream_keeps_its_card_until_its_tasks_are_closed(monkeypatch):

@@ -57,7 +57,7 @@ class Client:
 @contextmanager
 def clients(rig: Rig, count: int = 1) -> Iterator[list[Client]]:
     """Clients of the rig's device server."""
-    server = rig.daq.settings.server
+    server = rig.daq._settings.server
     made = [Client(server, f"somebody's {number}") for number in range(count)]
     yield made
     for client in made:
