@@ -11,7 +11,6 @@ from pydantic import BaseModel
 from ..base.clock import Clock
 from ..base.validation import validate
 from .config import Device
-from .frozen import frozen_fields
 
 Mode = str
 """How a rig is simulated: "twin", "wire", or "tape:FILE"."""
@@ -43,11 +42,8 @@ class Driver(Protocol):
 
 
 def settings_of(driver: Driver, device: Device, role: str, rig: str) -> Any:
-    """A role's table of a rig file as the driver's settings, frozen: a DAQ sets to zero what they name.
-
-    Raises ConfigurationError.
-    """
-    return frozen_fields(validate(driver.Settings, device.settings, f"[{role}] of {rig}"))
+    """A role's table of a rig file as the driver's settings. Raises ConfigurationError."""
+    return validate(driver.Settings, device.settings, f"[{role}] of {rig}")
 
 
 def one_name(address: str) -> str:

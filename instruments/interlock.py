@@ -18,8 +18,7 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 from ..base.arrays import FloatArray
-from ..base.errors import LimitError
-from .frozen import Frozen
+from ..base.errors import ConfigurationError, LimitError
 from .waveforms import Waveform
 
 
@@ -71,10 +70,21 @@ class _NoRig:
         pass
 
 
-class Interlocked(Frozen):
+class Interlocked:
     """Base of the roles that have an interlock. A subclass that replaces a final method is a TypeError."""
 
     _interlock: Interlock = _NoRig()
+    _shown: frozenset[str] = frozenset()
+    """Its data under public names when a rig took it over."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        # A driver of another package may work with what it shows; a test may replace a method.
+        if name in self._shown and not callable(value):
+            raise ConfigurationError(
+                f"{name!r} of an open rig's {type(self).__name__} is not assigned to: change the rig file, "
+                "and open the rig again."
+            )
+        super().__setattr__(name, value)
 
     def __init_subclass__(cls, **more: Any) -> None:
         super().__init_subclass__(**more)

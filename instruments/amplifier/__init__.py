@@ -1,5 +1,5 @@
 """Amplifiers: the role, and its drivers."""
 
-from .role import Amplifier
+from .role import Amplifier, ReadOnce
 
-__all__ = ["Amplifier"]
+__all__ = ["Amplifier", "ReadOnce"]

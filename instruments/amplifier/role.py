@@ -5,14 +5,16 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Collection, Mapping
+from copy import deepcopy
 from types import MappingProxyType
 
+import numpy as np
+
 from ...base.arrays import FloatArray
-from ..frozen import Frozen
 from ..limits import Limits
 
 
-class Amplifier(Frozen, ABC):
+class Amplifier(ABC):
     """A voltage amplifier between a DAQ output and the relay. Safe state: zero volts at its input.
 
     It has one channel for all patches, or one for each: then several drives can play at once.
@@ -39,3 +41,22 @@ class Amplifier(Frozen, ABC):
     @abstractmethod
     def to_input(self, drive: FloatArray) -> FloatArray:
         """Convert `drive`, (samples,) V at the patch, to volts at its input."""
+
+
+class ReadOnce(Amplifier):
+    """The figures of an amplifier as they are now: plays rest on these, whatever is written to it later."""
+
+    def __init__(self, amplifier: Amplifier, patches: int) -> None:
+        """`patches` is the largest number of them that are ever connected."""
+        self.identity, self.input = amplifier.identity, amplifier.input
+        self.inputs = dict(amplifier.inputs)
+        self._limits = tuple(deepcopy(amplifier.limits(count)) for count in range(patches + 1))
+        self._gain = 1 / float(amplifier.to_input(np.ones(1))[0])
+
+    def limits(self, patches: int) -> Limits:
+        """See `Amplifier.limits`; the relay refuses more patches than there are."""
+        return self._limits[min(patches, len(self._limits) - 1)]
+
+    def to_input(self, drive: FloatArray) -> FloatArray:
+        """See `Amplifier.to_input`."""
+        return drive / self._gain

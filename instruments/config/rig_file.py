@@ -19,7 +19,6 @@ from pydantic_core import InitErrorDetails
 
 from ...base import entry_points
 from ...base.bounded import Fraction, Negative, NotNegative, Positive, Seed, Strict
-from ..frozen import FrozenDict, frozen
 from ..limits import Limits
 from ..sensors import Sensors
 from .actuator import Actuator
@@ -44,10 +43,6 @@ class Device(BaseModel):
 
     driver: str
 
-    def model_post_init(self, _context: Any, /) -> None:
-        """Freeze the settings: the digest of the file, and what a recording says of its rig, are of them."""
-        object.__setattr__(self, "__pydantic_extra__", frozen(self.model_extra or {}))
-
     @property
     def settings(self) -> dict[str, Any]:
         """Everything but the driver's name."""
@@ -65,7 +60,7 @@ class TableSettings(Strict):
     rate_hz: Positive = 50_000.0
     """Sample rate of drives and of the vibrometer: ten times the recording's, so that the steps of
     the drive lie far above the table's band."""
-    patch_places: dict[str, tuple[Fraction, Fraction]] = Field(default_factory=FrozenDict)
+    patch_places: dict[str, tuple[Fraction, Fraction]] = Field(default_factory=dict)
     """Places of the patches, as fractions of the table's width and height from the corner at its first
     grid point: `haploop doctor` finds swapped relay channels by them."""
     force: bool = False
@@ -79,7 +74,7 @@ class TableSettings(Strict):
         unknown = sorted(set(places) - set(info.data.get("patches", places)))
         if unknown:
             raise ValueError(f"there is no patch {unknown[0]!r} in patches")
-        return FrozenDict(places)
+        return places
 
     @model_validator(mode="after")
     def _on_the_grid(self) -> Self:

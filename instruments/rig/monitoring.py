@@ -15,7 +15,7 @@ from ...base.signals import deliver
 from ..daq import Block, Capture
 from ..limits import Limits
 from ..safety import AbortMonitor, Limiter, Lockouts, Renewal, combined, trip
-from .roles import Instruments, ratings
+from .roles import Instruments
 
 
 class PlayRequest:
@@ -88,7 +88,7 @@ class Monitoring:
         """
         rig = self._rig
         laser = rig.vibrometer if rig.has("vibrometer") else None
-        limits = combined(ratings(rig, len(take.patches)))
+        limits = combined(self._limiter.kept.of(len(take.patches)))
         if clause := rig.file.abort.too_high(max(limits.max, -limits.min)):
             raise ConfigurationError(f"The rig {rig.name!r} plays nothing: [abort] {clause}.")
         abort_monitor = AbortMonitor(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, closing
+from contextlib import AbstractContextManager, ExitStack, closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from ...base.validation import validate
 from ..config import Device, RigFile, SimulationSettings, load_rig_file
 from ..daq import CombinedDaq, Daq
 from ..driver import TAPE, Driver, Mode, Simulation, hardware_of, settings_of
+from ..interlock import Interlocked
 from ..operator import Operator
 from ..relay import DirectWire
 from ..safety import Audit, clear_lockout, entries, hold, lockout_of, lockouts_folder, reserve, state_folder
@@ -220,6 +221,8 @@ def _connect(rig: Rig, role: str, device: Device, driver: Driver) -> None:
             f"What the driver {device.driver!r} opened is no {role}, but an object of "
             f"{type(instrument).__name__}: ask the author of the driver, or of its twin."
         )
+    if isinstance(instrument, Interlocked):
+        _refuse_shown(role, instrument, device.driver)
     rig.adopt(role, instrument)
     compare_scales(role, instrument, rig.sensors, rig.name)
     if not rig.simulation and not _opened(instrument, role, device, driver, rig.name) <= rig.hardware:
@@ -230,6 +233,20 @@ def _connect(rig: Rig, role: str, device: Device, driver: Driver) -> None:
     if isinstance(instrument, Daq) and (not rig.simulation or is_of_hardware(rig.simulation)):
         # The lock proves that no running program on this computer uses it.
         instrument.clear_left()
+
+
+def _refuse_shown(role: str, instrument: Interlocked, driver: str) -> None:
+    """Refuse a driver that shows what a notebook can change: a DAQ may look up there what it sets to zero."""
+    own = {*dir(type(instrument)), *vars(instrument)}.difference(dir(entry_points.role_class(role)))
+    for name in sorted(name for name in own if not name.startswith("_")):
+        value = None
+        with suppress(Exception):  # a property that cannot be read now
+            value = getattr(instrument, name)
+        if isinstance(value, dict | list | set | BaseModel):
+            raise ConfigurationError(
+                f"The {role}'s driver {driver!r} shows {name!r}, in which a program could change what volts "
+                f"rest on: ask its author to call it '_{name}'."
+            )
 
 
 def _complete(rig: Rig) -> None:

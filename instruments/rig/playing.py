@@ -19,7 +19,6 @@ from ...base.errors import ConfigurationError, InstrumentError, TakenError
 from ...base.signals import uninterrupted
 from ..daq import Block, Capture, Stream
 from ..generator import Sweep, Waveform
-from ..limits import Limits
 from ..safety import Limiter, combined, exit_within
 from .alignment import align, find
 from .monitoring import (
@@ -34,7 +33,7 @@ from .monitoring import (
     loudest,
     tone,
 )
-from .roles import Instruments, figures
+from .roles import Instruments
 
 _SLACK = 0.5
 """Time for a generator to answer its trigger and for a block to arrive (s)."""
@@ -87,7 +86,7 @@ class Playing:
             own = {rig.amplifier.input: drive}
             self._prove_each(own, take.patches)
             return self._played(own, take)
-        self._limiter.check({rig.player.output: drive}, rate_hz, self._ratings(len(take.patches)))
+        self._limiter.check({rig.player.output: drive}, rate_hz, self._limiter.kept.of(len(take.patches)))
         if drive.any() and take.patches:
             self.prove_gain(min(take.patches))
         capture, count = self._by_player(drive, take), len(drive) + take.samples_after(rate_hz)
@@ -126,7 +125,8 @@ class Playing:
                 f"The generator of the rig {rig.name!r} is wired to {rig.generator.output!r}, and its "
                 f"amplifier's input is {rig.amplifier.input!r}: give both the same name in the rig file."
             )
-        self._limiter.check_waveform(waveform, _SLACK, rig.amplifier, self._ratings(len(take.patches)))
+        held_to = self._limiter.kept.of(len(take.patches))
+        self._limiter.check_waveform(waveform, _SLACK, rig.amplifier, held_to)
         patch = min(take.patches, default="")
         self._prove(
             rig.generator.output,
@@ -138,7 +138,7 @@ class Playing:
     def prove_gain(self, patch: str) -> None:
         """See `Rig.prove_gain`."""
         rig = self._rig
-        rate_hz, level = rig.table.rate_hz, level_of(combined(self._ratings(1)))
+        rate_hz, level = rig.table.rate_hz, level_of(combined(self._limiter.kept.of(1)))
         source = rig.amplifier.inputs.get(patch, rig.amplifier.input)
         if rig.feeds_amplifier("player"):
             proof = PlayRequest((patch,), rig.drive_monitor().channels)
@@ -152,7 +152,7 @@ class Playing:
             return
         inputs, rate_hz = self._rig.amplifier.inputs, self._rig.table.rate_hz
         # All of them before the first is proved: what is refused is refused before anything is written.
-        self._limiter.check(drives, rate_hz, self._ratings(self._rig.amplifier.sharing(patches)))
+        self._limiter.check(drives, rate_hz, self._limiter.kept.of(self._rig.amplifier.sharing(patches)))
         for source in drives:
             patch = next((p for p in sorted(patches) if inputs.get(p, source) == source), "")
             self._prove(
@@ -183,7 +183,7 @@ class Playing:
             self._limiter.note_unproved(source, UNPROVED)
             self._proved.add(source)
             return
-        level = level_of(combined(self._ratings(1)))
+        level = level_of(combined(self._limiter.kept.of(1)))
         capture = play(level)
         shown = [loudest(own, capture.rate_hz) for own in rig.sensors.drive.to_si(capture.volts)]
         # A volt that shows on the wrong monitor is as much evidence of a wrong gain.
@@ -204,7 +204,7 @@ class Playing:
         """Play drives (V at the patch) on the DAQ's outputs."""
         rig = self._rig
         rate_hz = rig.table.rate_hz
-        permitted = self._limiter.permit(drives, rate_hz, take.patches, rig.amplifier, self._ratings)
+        permitted = self._limiter.permit(drives, rate_hz, take.patches, rig.amplifier, self._limiter.kept.of)
         with uninterrupted(), permitted as volts:
             samples = len(next(iter(volts.values())))
             count = samples + take.samples_after(rate_hz)
@@ -229,7 +229,8 @@ class Playing:
         rig = self._rig
         monitors = rig.sensors.drive
         source = rig.amplifier.inputs.get(patch, rig.amplifier.input)
-        if monitors is None or source not in self._proved or played < level_of(combined(self._ratings(1))):
+        least = level_of(combined(self._limiter.kept.of(1)))
+        if monitors is None or source not in self._proved or played < least:
             return
         rows = [capture.channels.index(channel) for channel in monitors.channels]
         shown = dict(zip(monitors.channels, monitors.to_si(capture.volts[rows]), strict=True))
@@ -244,7 +245,7 @@ class Playing:
         rig = self._rig
         output, rate_hz = rig.player.output, rig.table.rate_hz
         permitted = self._limiter.permit(
-            {output: drive}, rate_hz, take.patches, rig.amplifier, self._ratings, rig.player.rendered
+            {output: drive}, rate_hz, take.patches, rig.amplifier, self._limiter.kept.of, rig.player.rendered
         )
         with uninterrupted(), permitted as volts:
             total = len(drive) + take.samples_after(rate_hz) + round(rig.player.max_latency * rate_hz)
@@ -269,7 +270,7 @@ class Playing:
         """Play a waveform, in volts at the patch."""
         rig = self._rig
         permitted = self._limiter.permit_waveform(
-            rig.generator.output, waveform, _SLACK, take.patches, rig.amplifier, self._ratings
+            rig.generator.output, waveform, _SLACK, take.patches, rig.amplifier, self._limiter.kept.of
         )
         with uninterrupted(), permitted as at_output:
             return self._generated_at(at_output, take)
@@ -349,8 +350,3 @@ class Playing:
             finally:
                 if taken:
                     self._limiter.lock_out(f"The amplifier may have got another program's volts: {taken}")
-
-    def _ratings(self, patches: int) -> Mapping[str, Limits]:
-        """The limits as they were when the rig was opened. Raises LimitError when they are others now."""
-        with self._limiter.refusals_noted():
-            return self._limiter.kept.ratings(patches, figures(self._rig))

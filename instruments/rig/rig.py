@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import pickle
 import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
+from copy import copy
 from dataclasses import replace
 from typing import Any, Self
 
@@ -17,10 +19,10 @@ from ...base.errors import ConfigurationError, InstrumentError
 from ...base.notebook import InNotebook
 from ...base.progress import Progress, silent
 from ...base.signals import at_console_close, at_program_end, ending_in_order, uninterrupted
+from ..amplifier import ReadOnce
 from ..config import RigFile
-from ..daq import Block, Capture
+from ..daq import Block, Capture, Daq
 from ..driver import Mode, Simulation
-from ..frozen import Frozen
 from ..generator import Waveform
 from ..interlock import Interlocked
 from ..limits import Limits
@@ -39,7 +41,7 @@ from ..safety import (
 )
 from .monitoring import Monitoring, PlayRequest
 from .playing import Playing
-from .roles import Instruments, Role, figures, ratings
+from .roles import Instruments, Role, ratings
 
 
 class DeclaredSettings:
@@ -75,7 +77,10 @@ class Rig(Instruments, InNotebook):
         mode: Mode | None,
         hardware: Collection[str],
     ) -> None:
-        super().__init__(file, clock)
+        self._as_opened = pickle.dumps(file)  # to copy it so takes a quarter of the time
+        super().__init__(pickle.loads(self._as_opened), clock)
+        self._own = Instruments(self._file, clock)
+        """For plays."""
         self.simulation = simulation
         self.mode = mode
         self.hardware = frozenset(hardware)
@@ -106,8 +111,7 @@ class Rig(Instruments, InNotebook):
         """Take over an open instrument: close it with the rig, and make the limiter its interlock."""
         if isinstance(instrument, Interlocked):
             instrument._interlock = self._limiter
-        if isinstance(instrument, Frozen):
-            instrument._freeze()
+            instrument._shown = frozenset(name for name in vars(instrument) if not name.startswith("_"))
         self._roles[role] = instrument
         if hasattr(instrument, "close"):
             self._stack.callback(self._safe.let_go, role)
@@ -115,10 +119,8 @@ class Rig(Instruments, InNotebook):
 
     def complete(self) -> None:
         """Finish opening: from now on, the safe state is reached before the program ends in any way."""
-        self._freeze()
         self._limiter.recall()
-        with suppress(ConfigurationError):  # it has no table, or nothing to play on
-            self._limiter.kept.note(figures(self))
+        self._read_once()
         self.audit.note("opened", instruments={r: getattr(i, "identity", "") for r, i in self._roles.items()})
         self._limiter.begin()
         self._stack.callback(self.audit.note_at_last, "closed")
@@ -129,10 +131,29 @@ class Rig(Instruments, InNotebook):
         self._signals.enter_context(at_console_close(self.make_safe))
         self._signals.enter_context(at_program_end(self.close))
 
+    def _read_once(self) -> None:
+        """Read what plays rest on: what a program writes to the rig or its parts later, they do not see."""
+        own = self._own
+        own._roles.update(self._roles)
+        if self.has("vibrometer"):
+            own._roles["vibrometer"] = copy(self.vibrometer)
+        self._outputs.read_wiring()
+        try:
+            own._roles["amplifier"] = ReadOnce(self.amplifier, len(own.table.patches))
+            self._limiter.kept.keep(tuple(ratings(own, n) for n in range(len(own.table.patches) + 1)))
+        except ConfigurationError as error:  # it has no table, or nothing to play on
+            self._limiter.kept.keep((), str(error))
+
     def __repr__(self) -> str:
         state = "closed" if self.is_closed else "open"
         kind = f"simulated by its {self.mode}" if self.mode else "its hardware"
         return f"<Rig {self.name}: {state}, {kind}; {', '.join(self.instruments)}>"
+
+    @property
+    def file(self) -> RigFile:
+        """The rig file as it was opened. A copy: what is written to it reaches no play."""
+        file: RigFile = pickle.loads(self._as_opened)
+        return file
 
     @property
     def is_closed(self) -> bool:
@@ -154,7 +175,7 @@ class Rig(Instruments, InNotebook):
 
     def limits_for(self, patches: int) -> Limits:
         """The strictest limits, as `limits`, for `patches` patches in parallel."""
-        return combined(ratings(self, patches))
+        return combined(ratings(self._own, patches))
 
     @property
     def lockout(self) -> Lockout | None:
@@ -165,8 +186,9 @@ class Rig(Instruments, InNotebook):
     def _playing(self) -> Playing:
         # Created for each play: stored, it would form a reference cycle with the rig, and a closed rig
         # would keep its simulated world until the garbage collector runs.
-        monitoring = Monitoring(self, self._lockouts, self._limiter, self.live_run)
-        return Playing(self, self._limiter, monitoring, self.make_safe, self._proved)
+        self.role(Daq)  # a closed rig plays nothing
+        monitoring = Monitoring(self._own, self._lockouts, self._limiter, self.live_run)
+        return Playing(self._own, self._limiter, monitoring, self.make_safe, self._proved)
 
     def tap(self, capacity: int = 16) -> Tap:
         """Return a tap on the newest blocks of all further recordings and plays. See `Tap`."""

@@ -15,31 +15,34 @@ from ...base.errors import ConfigurationError
 from ..amplifier import Amplifier
 from ..config import Actuator, RigFile, TableSettings
 from ..daq import Daq
-from ..frozen import Frozen
 from ..generator import Generator
 from ..limits import Limits
 from ..operator import Aim, Operator
 from ..player import Player
 from ..relay import Relay
-from ..safety import Figures
 from ..sensors import Divider, Sensors
 from ..vibrometer import Vibrometer
 
 Role = TypeVar("Role")
 
 
-class Instruments(Frozen):
+class Instruments:
     """The open instruments of a rig file. Access to one that the rig lacks raises ConfigurationError."""
 
     def __init__(self, file: RigFile, clock: Clock) -> None:
-        self.file = file
+        self._file = file
         self.clock = clock
         self._roles: dict[str, Any] = {}
 
     @property
+    def file(self) -> RigFile:
+        """The rig file."""
+        return self._file
+
+    @property
     def name(self) -> str:
         """The rig's name, from its file."""
-        return self.file.name
+        return self._file.name
 
     @property
     def sensors(self) -> Sensors:
@@ -175,9 +178,6 @@ class Instruments(Frozen):
 
 # Limits of the drive at a patch, from the amplifier, the relay, the actuator and the rig file.
 
-_VOLTS = (-100.0, -1.0, 1.0, 50.0, 400.0)
-"""Volts at the patch at which the amplifier's gain is noted."""
-
 
 def ratings(rig: Instruments, patches: int) -> dict[str, Limits]:
     """Collect the limits for `patches` patches in parallel, by owner."""
@@ -188,9 +188,3 @@ def ratings(rig: Instruments, patches: int) -> dict[str, Limits]:
         "the actuator": rig.actuator.limits(patches),
         "the rig file's [limits]": rig.file.limits.limits(),
     }
-
-
-def figures(rig: Instruments) -> Figures:
-    """All that the limits of a play rest on, now. Raises ConfigurationError for a rig that cannot play."""
-    each = {count: ratings(rig, count) for count in range(len(rig.table.patches) + 1)}
-    return Figures(each, tuple(map(float, rig.amplifier.to_input(np.array(_VOLTS)))), rig.file.digest)

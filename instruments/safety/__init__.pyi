@@ -9,7 +9,6 @@ from .audit import who as who
 from .deadline import Renewal as Renewal
 from .deadline import exit_within as exit_within
 from .deadline import run_within as run_within
-from .judge import Figures as Figures
 from .judge import combined as combined
 from .limiter import Limiter as Limiter
 from .lockout import Lockout as Lockout

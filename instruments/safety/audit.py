@@ -27,7 +27,6 @@ from ...base.errors import ConfigurationError, DataError
 from ...base.files import os_error_text
 from ...base.json_files import as_line, from_text
 from ...base.marks import release, taken
-from ..frozen import Frozen
 
 if TYPE_CHECKING:
     from ..config import RigFile
@@ -47,14 +46,13 @@ def now_utc() -> datetime:
     return datetime.now(UTC)
 
 
-class Audit(Frozen):
+class Audit:
     """The log of an open rig. `note` may be called from any thread."""
 
     def __init__(
         self, file: RigFile, folder: Path, simulated: bool, wall: Callable[[], datetime] = now_utc
     ) -> None:
-        self.folder = folder
-        """The rig's state folder."""
+        self._folder = folder
         self._wall = wall
         self._durable = not simulated
         self._about = {
@@ -64,7 +62,11 @@ class Audit(Frozen):
             **who(),
             "version": metadata.version("haploop"),
         }
-        self._freeze()
+
+    @property
+    def folder(self) -> Path:
+        """The rig's state folder."""
+        return self._folder
 
     def note(self, kind: str, **fields: Any) -> None:
         """Append a line; `fields` are of JSON's types. Raises DataError when it cannot be written."""
@@ -74,9 +76,9 @@ class Audit(Frozen):
             line = as_line({"time": time, "kind": kind, **fields, **self._about}).encode()
         except (ValueError, TypeError):
             raise DataError(f"{kind!r} cannot be logged: {fields} is not of JSON's types.") from None
-        path = self.folder / f"log-{now:%Y-%m}.jsonl"
+        path = self._folder / f"log-{now:%Y-%m}.jsonl"
         try:
-            make_folder(self.folder)
+            make_folder(self._folder)
             log = _opened(path)
             try:
                 with _alone(log):

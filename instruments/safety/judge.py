@@ -1,4 +1,4 @@
-"""What may be played: limits as noted at opening, a coil's heat and the duty, with all that was played.
+"""What may be played: limits as read at opening, a coil's heat and the duty, with all that was played.
 
 Drives are judged in volts at the patch, sample by sample, against the strictest of the ratings of
 amplifier, relay, patch and rig file. What was played, and what it left in a coil, is counted for every
@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
-from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
@@ -19,65 +18,36 @@ import numpy as np
 
 from ...base.arrays import FloatArray
 from ...base.clock import Clock
-from ...base.errors import DataError, LimitError
+from ...base.errors import ConfigurationError, DataError, LimitError
 from ..generator import Waveform
 from ..limits import Limits, sounding
 from .duty import MINUTE, Heat, Span, clear_old, count_plays, plays_of
 from .lockout import Lockouts
 
-# What the limits of a play rest on: noted when a rig is opened, and compared before each play.
-#
-# What is open is frozen, but Python lets a notebook write past that (`vars(rig.file.limits).update(...)`,
-# another method in place of an instrument's own). A play is held to the copy that was made at opening.
-
-
-@dataclass(frozen=True)
-class Figures:
-    """All figures of one moment."""
-
-    ratings: Mapping[int, Mapping[str, Limits]]
-    """By number of patches in parallel, and owner."""
-    at_input: tuple[float, ...]
-    """Volts at the amplifier's input for some volts at the patch."""
-    digest: str
-    """Of the rig file."""
-
-
-class OpeningFigures:
-    """The figures of a rig when it was opened."""
-
-    def __init__(self) -> None:
-        self._own: Figures | None = None
-
-    def note(self, figures: Figures) -> None:
-        """Keep a copy of these."""
-        self._own = deepcopy(figures)
-
-    def of_one(self) -> Mapping[str, Limits]:
-        """The ratings kept for one patch; none before the rig is open."""
-        return {} if self._own is None else self._own.ratings.get(1, {})
-
-    def ratings(self, patches: int, now: Figures) -> Mapping[str, Limits]:
-        """The ratings kept for so many patches in parallel.
-
-        Raises LimitError when any figure is another one now.
-        """
-        own = self._own
-        if own is None:
-            raise LimitError("Nothing is played before the rig is open.")
-        if own != now:
-            named = ("limit", own.ratings, now.ratings), ("amplifier's gain", own.at_input, now.at_input)
-            what = next((name for name, before, after in named if before != after), "rig file")
-            raise LimitError(
-                f"Nothing is played: the {what} of the open rig is not what it was at opening. Change the "
-                "rig file, not the program's copy of it, and open the rig again."
-            )
-        # More patches than there are will be refused by the relay.
-        return own.ratings.get(patches, own.ratings[max(own.ratings)])
-
-
 Ratings = Mapping[str, Limits]
 """Limits by owner: the amplifier's, the relay's, a patch's, the rig file's own."""
+
+
+class ReadRatings:
+    """The ratings of a rig, read when it was opened; none before that, and of a rig that cannot play."""
+
+    def __init__(self) -> None:
+        self._each: tuple[Ratings, ...] = ()
+        self._why_none = "Nothing is played before the rig is open."
+
+    def __bool__(self) -> bool:
+        return bool(self._each)
+
+    def keep(self, each: tuple[Ratings, ...], why_none: str = "") -> None:
+        """Keep ratings by the number of patches in parallel from 0 on, or why there are none."""
+        self._each, self._why_none = each, why_none
+
+    def of(self, patches: int) -> Ratings:
+        """The ratings for so many patches in parallel. Raises ConfigurationError where there are none."""
+        if not self._each:
+            raise ConfigurationError(self._why_none)
+        # More patches than there are will be refused by the relay.
+        return self._each[min(patches, len(self._each) - 1)]
 
 
 _ROUNDING = 1e-9

@@ -26,7 +26,7 @@ from ..generator import Waveform
 from ..limits import Limits, sounding
 from ..relay import LOST
 from .deadline import DEADLINE, Watch
-from .judge import Heating, Judge, OpeningFigures, Ratings, combined
+from .judge import Heating, Judge, Ratings, ReadRatings, combined
 from .lockout import Lockout, Lockouts
 from .safe_state import Outputs, Standing
 
@@ -74,8 +74,7 @@ class Limiter:
         self.warm = 0.0
         """What earlier plays had left in a coil (W) when the present one began."""
         self._watch = Watch(clock, self.authorise_renewal)
-        self.kept = OpeningFigures()
-        """What the limits rest on, as it was when the rig was opened."""
+        self.kept = ReadRatings()
 
     @property
     def lockout(self) -> Lockout | None:
@@ -102,7 +101,8 @@ class Limiter:
             return
         found = outputs.found()
         if found:
-            self._judge.heat.stood(combined({"": Limits(), **self.kept.of_one()}), outputs.at_actuator(found))
+            limits = combined(self.kept.of(1)) if self.kept else Limits()
+            self._judge.heat.stood(limits, outputs.at_actuator(found))
         self._audit.note("connected", patches=sorted(outputs.direct), found=found, why=LOST)
         self._known(Outputs.rest)
         self._watch.begin()

@@ -40,6 +40,7 @@ class Outputs:
     def __init__(self, instruments: Mapping[str, Any], direct: Collection[str] = ()) -> None:
         self._instruments = instruments
         self.direct = frozenset(direct)
+        self._fed: dict[str, bool] = {}
         self.in_use = False
         """True from when a contact was allowed to close, or a drive to start, until the outputs are free."""
 
@@ -171,7 +172,12 @@ class Outputs:
         if instrument is None or amplifier is None:
             return instrument
         fed = set(amplifier.inputs.values()) or {amplifier.input}
-        return instrument if instrument.output in fed else None
+        return instrument if self._fed.setdefault(role, instrument.output in fed) else None
+
+    def read_wiring(self) -> None:
+        """Read which instruments feed the amplifier: later nobody is asked."""
+        for role in ("player", "generator"):
+            self._wired(role)
 
 
 _REST = 0.05

@@ -17,7 +17,6 @@ from pydantic import AfterValidator, Field, model_validator
 
 from ...base.arrays import BoolArray, ComplexArray, FloatArray
 from ...base.bounded import Finite, Positive, Strict
-from ..frozen import FrozenDict, frozen
 from .transfer import Transfer
 
 Motion = Literal["force", "acceleration", "displacement", "velocity"]
@@ -85,7 +84,7 @@ class LinearSensor(Sensor):
     gravity: bool = False
     """True for what shows gravity at rest: an accelerometer that passes 0 Hz, and has a vertical axis."""
     transfer: Transfer = Transfer()
-    stated: Mapping[str, Any] = Field(default_factory=FrozenDict)
+    stated: Mapping[str, Any] = {}
     """What the rig file says besides, as a data sheet does: a sensitivity, a calibration file."""
 
     @model_validator(mode="after")
@@ -99,7 +98,6 @@ class LinearSensor(Sensor):
             raise ValueError("zero must have a number a channel, and range one an axis")
         if self.vertical.removeprefix("-") not in self.axes:
             raise ValueError(f"vertical is {self.vertical!r}: use one of {', '.join(self.axes)}")
-        object.__setattr__(self, "stated", frozen(dict(self.stated)))
         return self
 
     @property

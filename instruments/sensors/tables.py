@@ -11,7 +11,6 @@ from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, field_validat
 from pydantic_core import core_schema
 
 from ...base.bounded import Finite, Positive, Strict
-from ..frozen import FrozenDict
 from .linear_table import LinearTable, in_units
 from .sensor import AnalogChannel, Divider, LinearSensor, Scale, Sensor, Switch
 from .units import Dimensions, G, dimensions
@@ -231,7 +230,7 @@ class Sensors(Strict):
     velocity: Annotated[LinearSensor | None, Described(VelocityTable)] = None
     activation: Annotated[Switch | None, NotThere] = None
     drive: Annotated[Divider | None, NotThere] = None
-    extra: dict[str, AnalogChannel] = Field(default_factory=FrozenDict)
+    extra: dict[str, AnalogChannel] = Field(default_factory=dict)
     """Further channels recorded with presses, each under a name that the rig file chooses."""
 
     @property
@@ -278,7 +277,7 @@ class Sensors(Strict):
                 )
             if name in _TAKEN or name.startswith("acceleration_"):
                 raise ValueError(f"{name!r} is the name of something that every recording has: use another")
-        return FrozenDict(extra)
+        return extra
 
     @model_validator(mode="after")
     def _one_sensor_a_channel(self) -> Self:

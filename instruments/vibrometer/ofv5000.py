@@ -325,8 +325,7 @@ class Ofv5000(Vibrometer):
         return min(known)
 
     def _take(self, scale: float) -> None:
-        # Frozen for everybody else, once a rig has opened it: these are the controller's own words.
-        vars(self).update(scale=scale, range=scale * self._settings.full_scale)
+        self.scale, self.range = scale, scale * self._settings.full_scale
 
     def _get(self, attribute: str, parse: Callable[[str], Value]) -> Value:
         return self._value(Command("Get", self._settings.decoder, attribute), parse)

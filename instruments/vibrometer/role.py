@@ -13,7 +13,6 @@ from typing import Literal, get_args
 import numpy as np
 
 from ...base.arrays import ComplexArray, FloatArray
-from ..frozen import Frozen
 from ..sensors import low_pass
 
 Quantity = Literal["velocity", "displacement", "acceleration"]
@@ -29,7 +28,7 @@ DERIVATIVE: dict[Quantity, int] = {"velocity": 0, "displacement": -1, "accelerat
 """Power of j omega from velocity to the quantity."""
 
 
-class Vibrometer(Frozen, ABC):
+class Vibrometer(ABC):
     """A pick-up of motion at one point, with an analog output. It has no unsafe state."""
 
     identity: str

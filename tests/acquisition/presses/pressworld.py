@@ -202,9 +202,12 @@ class WorldOperator(Operator):
         return True
 
 
-def world_rig(**settings) -> Rig:
-    """A rig whose DAQ and operator are a `World`; it is reached as `rig.daq.world`."""
+def world_rig(sensors=None, **settings) -> Rig:
+    """A rig whose DAQ and operator are a `World`; it is reached as `rig.daq.world`.
+
+    `sensors` are those that its file says otherwise.
+    """
     world, clock = World(**settings), VirtualClock()
-    rig = Rig(world.file, clock, None, None, ())
+    rig = Rig(changed(world.file, sensors=sensors or {}), clock, None, None, ())
     rig._roles = {"daq": WorldDaq(world, clock), "operator": WorldOperator(world, clock)}
     return rig

@@ -15,7 +15,6 @@ from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments import AnalogChannel, Block, NewFile, Reading, load_rig_file
 from tests.acquisition.presses.pressworld import FULL_SCALE, world_rig
 from tests.raising import raises, raising
-from tests.rig_files import changed
 
 BLOCK = round(Protocol().block * 5000)
 """Samples."""
@@ -228,8 +227,7 @@ ROOM = AnalogChannel(channel="extra", scale=100.0, offset=-50.0, unit="°C", nam
 
 def world_with_extra(monkeypatch, **settings):
     monkeypatch.setitem(FULL_SCALE, "extra", 10.0)
-    rig = world_rig(**settings)
-    vars(rig)["file"] = changed(rig.file, sensors={"extra": {"temperature": ROOM}})
+    rig = world_rig(sensors={"extra": {"temperature": ROOM}}, **settings)
     felt = rig.daq.world.volts
     rig.daq.world.volts = lambda c, t: 0.7 + 0.001 * t if c == "extra" else felt(c, t)
     return rig

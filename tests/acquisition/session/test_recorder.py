@@ -10,7 +10,6 @@ from haploop.base.errors import ConfigurationError, DataError, InstrumentError
 from haploop.instruments import Press, Rest
 from tests.acquisition.presses.pressworld import world_rig
 from tests.raising import raises, raising
-from tests.rig_files import changed
 
 BLOCK = round(Protocol().block * 5000)
 """Samples."""
@@ -144,8 +143,7 @@ def test_a_gap_is_an_event_in_the_file_and_an_error(tmp_path):
 
 
 def test_a_rig_without_a_sensor_is_refused(tmp_path):
-    rig = world_rig()
-    vars(rig)["file"] = changed(rig.file, sensors={"force": None, "acceleration": None})
+    rig = world_rig(sensors={"force": None, "acceleration": None})
     raises(ConfigurationError, r"describe one of \[sensors\.force\]", record, rig, "push", "P01", 1, tmp_path)
     assert list(tmp_path.iterdir()) == []
 

@@ -10,7 +10,7 @@ from haploop.base.errors import ConfigurationError, DataError, InstrumentError
 from haploop.calibration import LinearSweep, Multisine, fit, measure_response, quick_response
 from haploop.calibration.response import settle
 from haploop.calibration.response.spot import Channels
-from haploop.instruments import Aim, Rig
+from haploop.instruments import Aim, Rig, open_rig
 from tests.calibration.conftest import tamper
 from tests.raising import raises
 from tests.rig_files import changed
@@ -177,10 +177,9 @@ def unaimed(request: object) -> bool:
 
 
 def test_what_a_response_needs_is_asked_for(open):
-    rig = open()
     raises(ConfigurationError, "2 repeats", LinearSweep, repeats=1)
-    vars(rig)["file"] = changed(rig.file, sensors={"drive": None})
-    raises(ConfigurationError, r"sensors\.drive", measure_response, rig, excitation=SHORT)
+    with open_rig(changed(open().file, sensors={"drive": None})) as rig:
+        raises(ConfigurationError, r"sensors\.drive", measure_response, rig, excitation=SHORT)
 
 
 def test_estimators_see_only_what_a_lab_would_see():

@@ -105,7 +105,7 @@ def test_nothing_is_played_while_a_patchs_monitor_is_dead(mode, file):
 def test_a_volt_that_shows_on_another_patchs_monitor_is_said(monkeypatch):
     with open_rig("four-channel", simulate="twin") as rig:
         right = rig.monitor
-        monkeypatch.setattr(rig, "monitor", lambda p: right({"B": "C", "C": "B"}.get(p, p)))
+        monkeypatch.setattr(rig._own, "monitor", lambda p: right({"B": "C", "C": "B"}.get(p, p)))
         with pytest.raises(InstrumentError, match=r"patch B was to get .* and drive_b shows it"):
             rig.excite_each({"A": TONE, "B": TONE}, ["drive"])
         assert rig.simulation.truth.peak < 1.1

@@ -21,6 +21,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from haploop.base.errors import HaploopError
 from haploop.instruments import Rig, RigFile, Sweep, load_rig_file, open_rig
 from haploop.instruments.config.rig_file import AbortLimits, Device, DriveLimits
+from haploop.instruments.rig.roles import ratings
 from haploop.instruments.safety import Limiter, Outputs, clear_lockout
 from haploop.mocks.plant import AMPLIFIER_GAIN_ERROR
 from tests.instruments.safety.at_the_patch import bursts, busiest_minute
@@ -64,7 +65,7 @@ def tone(volts: float, seconds: float) -> Any:
 
 
 WAYS: tuple[Callable[[Rig], object], ...] = (
-    lambda rig: setattr(rig, "file", rig_file("one").model_copy(update={"limits": LOOSE, "abort": FREE})),
+    lambda rig: vars(rig.file).update(limits=LOOSE, abort=FREE),
     lambda rig: setattr(rig.relay, "rating", 500.0),
     lambda rig: setattr(rig.file, "limits", LOOSE),
     lambda rig: setattr(rig.file.limits, "max", 500.0),
@@ -247,14 +248,19 @@ def no_duty(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Limiter, "recall", lambda self: None)
 
 
-def not_frozen(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr("haploop.instruments.frozen.Frozen.__setattr__", object.__setattr__)
-    # A play is held to a copy of the limits besides.
-    patch.setattr("haploop.instruments.safety.judge.OpeningFigures.ratings", lambda _, n, now: now.ratings[n])
+def not_copied(patch: pytest.MonkeyPatch) -> None:
+    read_once = Rig._read_once
+
+    def asked_again(rig: Rig) -> None:
+        read_once(rig)
+        rig._limiter.kept.of = lambda patches: ratings(rig, patches)
+
+    patch.setattr(Rig, "_read_once", asked_again)
+    patch.setattr(Rig, "file", property(lambda rig: rig._file))
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("take_out", [no_rest, no_duty, not_frozen], ids=lambda f: f.__name__)
+@pytest.mark.parametrize("take_out", [no_rest, no_duty, not_copied], ids=lambda f: f.__name__)
 def test_it_is_noticed_when_an_interlock_is_missing(tmp_path, take_out):
     with pytest.raises(BaseException, match=r"\d V|s of a minute"):
         run(tmp_path, 60, take_out)
