@@ -7,17 +7,16 @@ that `haploop --help` is fast.
 from __future__ import annotations
 
 import sys
+from pkgutil import resolve_name
 
 import click
 
 from ..terminal.exits import Commands, usable_streams
 from ..terminal.progress import print_line
-from .analyse import analyse
 from .button import button
 from .calibrations import calibrations, recalibrate
 from .demo.command import demo
 from .examples import show_examples
-from .experiment import experiment
 from .export import export, figures
 from .files import list_command, recover, report, show, verify
 from .importing import import_
@@ -26,12 +25,21 @@ from .map import map_command
 from .new import new
 from .record import record, represent
 from .rig import doctor, log, reset, rig, schema
-from .serve import serve
 from .status import status
 from .study import study
 from .table import calibrate, check
 from .tape import tape
 from .twin import twin
+
+_serve, _experiment, _analyse = map(
+    resolve_name,
+    (
+        "haploop.console.command:serve",
+        "haploop.experiments.commands.experiment:experiment",
+        "haploop.experiments.commands.analyse:analyse",
+    ),
+)
+"""Commands of the rooms that stand on this one; nothing else here names them."""
 
 
 @click.group(
@@ -57,8 +65,8 @@ def cli(ctx: click.Context) -> None:
 
 cli.sections = {
     "Make a button, in this order": (doctor, record, represent, calibrate, button, show, report, demo),
-    "Look": (live, list_command, serve, check, map_command, figures, export, import_),
-    "People": (new, study, experiment, analyse),
+    "Look": (live, list_command, _serve, check, map_command, figures, export, import_),
+    "People": (new, study, _experiment, _analyse),
     "Maintain": (recalibrate, calibrations, verify, recover, log, reset, schema, rig, tape, twin),
 }
 for commands in cli.sections.values():

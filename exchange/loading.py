@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any, overload
 
-from .. import acquisition, calibration, exchange, experiments
+from .. import acquisition, calibration, exchange
 from ..base import hdf5
 from ..base.errors import DataError
 
@@ -28,7 +29,7 @@ RESULTS: Mapping[str, Callable[[], Any]] = {
 _FOLDERS: Mapping[str, Callable[[], Callable[[Path], Any]]] = {
     "map.json": lambda: calibration.VibrationMap.load,
     "study.toml": lambda: acquisition.load_study,
-    "experiment.toml": lambda: experiments.load_experiment,
+    "experiment.toml": lambda: resolve_name("haploop.experiments:load_experiment"),
 }
 
 

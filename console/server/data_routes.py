@@ -29,7 +29,8 @@ from ...base.hdf5 import kind_of
 from ...calibration import Calibration, VibrationMap, Waveforms
 from ...calibration.map import MapFolder
 from ...exchange.catalogue import Member, lineage, list_files
-from ...reports.contents import experiment_contents, night
+from ...experiments.shown import experiment_contents
+from ...reports.contents import night
 from ..data_folder import DataFolder, store_of
 from .lab import lab, names, of_experiment, pace
 from .shown_routes import answers, button_shown, figure, report, shown

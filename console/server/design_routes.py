@@ -27,7 +27,8 @@ from ...acquisition.session import StudyFile, load_study_file
 from ...base.errors import ConfigurationError, HaploopError
 from ...base.files import new_file, private_files
 from ...experiments import ExperimentFile, balance_of, example_names, load_experiment
-from ...reports.contents import Contents, Grid, first_steps, steps_grid
+from ...experiments.shown import first_steps, steps_grid
+from ...reports.contents import Contents, Grid
 from ..data_folder import DataFolder
 from .conductor import question
 from .security import json_object

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...base import hdf5
@@ -17,7 +18,6 @@ from ...base.errors import HaploopError
 if TYPE_CHECKING:
     from ...acquisition import Recording, Representative
     from ...calibration import Calibration, Check, DigitalButton, Drive
-    from ...experiments import Experiment
 
 
 _PLAYED = ("drive", "check", "button")
@@ -200,11 +200,11 @@ def _study(path: Path) -> Entry:
 
 
 def _experiment(path: Path) -> Entry | None:
-    from ...experiments import load_experiment  # noqa: PLC0415
+    load: Callable[[Path], Any] = resolve_name("haploop.experiments:load_experiment")
     from ...instruments import load_rig_file  # noqa: PLC0415
 
     try:
-        experiment = load_experiment(path)
+        experiment = load(path)
     except HaploopError:
         with suppress(HaploopError):
             load_rig_file(path)
@@ -297,7 +297,7 @@ def of_button(button: DigitalButton) -> tuple[Source, ...]:
     return (*presses, *map(_calibration, button.calibrations), *fingers)
 
 
-def of_experiment(experiment: Experiment) -> tuple[Source, ...]:
+def of_experiment(experiment: Any) -> tuple[Source, ...]:
     """The digital buttons that it plays, by their paths."""
     names = (*experiment.file.buttons.values(), *experiment.file.surface.releases.values())
     folder = experiment.path.parent.resolve()

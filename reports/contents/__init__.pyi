@@ -1,8 +1,4 @@
 from . import words as words
-from .analysis import identification_contents as identification_contents
-from .analysis import power_contents as power_contents
-from .analysis import ratings_contents as ratings_contents
-from .analysis import thresholds_contents as thresholds_contents
 from .calibration import calibration_contents as calibration_contents
 from .calibration import calibrations_contents as calibrations_contents
 from .calibration import drive_contents as drive_contents
@@ -12,11 +8,6 @@ from .check import check_contents as check_contents
 from .check import crosstalk_facts as crosstalk_facts
 from .check import other_facts as other_facts
 from .check import silence_facts as silence_facts
-from .experiment import experiment_contents as experiment_contents
-from .experiment import first_steps as first_steps
-from .experiment import plan_of_experiment as plan_of_experiment
-from .experiment import prediction_contents as prediction_contents
-from .experiment import steps_grid as steps_grid
 from .feeling import feeling_values as feeling_values
 from .files import contents_of as contents_of
 from .files import file_contents as file_contents

@@ -9,8 +9,6 @@ from .encoding import FORMATS as FORMATS
 from .encoding import encode as encode
 from .encoding import mark_simulated as mark_simulated
 from .encoding import png as png
-from .experiments import confusion_figure as confusion_figure
-from .experiments import ratings_figure as ratings_figure
 from .history import before_and_after as before_and_after
 from .history import nights_figure as nights_figure
 from .history import responses as responses
@@ -20,7 +18,14 @@ from .map import response as response
 from .paper import activation_forces as activation_forces
 from .paper import comparison as comparison
 from .paper import drives as drives
+from .plotting import INK as INK
 from .plotting import Columns as Columns
+from .plotting import colour as colour
+from .plotting import hatch as hatch
+from .plotting import legend_under as legend_under
+from .plotting import letter as letter
+from .plotting import panels as panels
+from .plotting import style as style
 from .press import Profile as Profile
 from .press import force_over_travel as force_over_travel
 from .press import profiles as profiles

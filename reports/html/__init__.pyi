@@ -8,4 +8,5 @@ from .page import GLANCE_STYLE as GLANCE_STYLE
 from .page import CaptionedFigure as CaptionedFigure
 from .page import Page as Page
 from .page import glances_html as glances_html
+from .sections import Section as Section
 from .sections import contents_at as contents_at

@@ -3,44 +3,35 @@
 from __future__ import annotations
 
 import hashlib
-import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from pkgutil import resolve_name
 
 from ...acquisition import Representative, content_hash, load_study
 from ...base import hdf5
-from ...base.errors import DataError, HaploopError
 from ...base.files import check_destination, new_file
 from ...base.progress import Progress
 from ...calibration import History
-from ...experiments import (
-    Store,
-    analyse_identification,
-    analyse_ratings,
-    analyse_thresholds,
-    export_answers,
-    load_experiment,
-    read_rows,
-)
 from ..contents import (
     Contents,
     Drawing,
     file_contents,
-    identification_contents,
     is_history,
-    plan_of_experiment,
-    ratings_contents,
     study_contents,
     study_figures,
-    thresholds_contents,
 )
 from ..figures import Columns, encode
 from .page import CaptionedFigure
 
 _ORDER = ("forces", "presses", "pressed", "map", "response", "plan", "drives", "check", "motion", "feeling")
 """Names of figures in the order in which they stand in a report; others follow."""
+
+_ELSEWHERE = {
+    "answers": "haploop.experiments.shown:answers_section",
+    "experiment": "haploop.experiments.shown:experiment_section",
+}
+"""Who makes the section of what belongs to a room that stands on this one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +57,9 @@ def contents_at(path: Path) -> Contents:
 def read_section(path: Path, presses: Sequence[Representative] = ()) -> Section:
     """Read a result, a study, or a table of answers; a check beside its press. Raises DataError."""
     if path.suffix.lower() == ".csv":
-        return Section(_answers(path), [(path.name, hashlib.sha256(path.read_bytes()).hexdigest())])
+        return _elsewhere("answers", path)
     if path.name == "experiment.toml" or (path / "experiment.toml").is_file():
-        return _experiment(path.parent if path.name == "experiment.toml" else path)
+        return _elsewhere("experiment", path.parent if path.name == "experiment.toml" else path)
     if path.suffix == ".toml" or (path.is_dir() and (path / "study.toml").is_file()):
         return _study(path)
     if is_history(path):
@@ -96,6 +87,11 @@ def read_sections(files: Sequence[Path], progress: Progress) -> list[Section]:
     return list(sections.values())
 
 
+def _elsewhere(kind: str, path: Path) -> Section:
+    section: Callable[[Path], Section] = resolve_name(_ELSEWHERE[kind])
+    return section(path)
+
+
 def _study(path: Path) -> Section:
     study = load_study(path)
     progress = study.progress()
@@ -105,47 +101,11 @@ def _study(path: Path) -> Section:
     return Section(replace(study_contents(study, progress), figures=study_figures(study)), sources)
 
 
-def _experiment(folder: Path) -> Section:
-    """The answers of an experiment, as its exported table would say them; without scores, what it is."""
-    store = Store(load_experiment(folder), folder / "answers")
-    if not any(step.analysed for one in store.sessions() for step, *_ in one.answers):
-        return _plan(store, "Nobody has answered yet.")
-    with TemporaryDirectory() as place:
-        table = Path(place) / f"{folder.resolve().name}.csv"
-        export_answers(store, table)
-        try:
-            found = _answers(table)
-        except HaploopError as error:
-            return _plan(store, f"There are no scores yet. {str(error).replace(f'{place}{os.sep}', '')}")
-        return Section(found, [(table.name, hashlib.sha256(table.read_bytes()).hexdigest())])
-
-
-def _plan(store: Store, why: str) -> Section:
-    return Section(
-        plan_of_experiment(store, why), [(store.experiment.path.name, store.experiment.content_hash)]
-    )
-
-
 def _files_of_map(folder: Path) -> list[tuple[str, str]]:
     """One hash over the content of all measurements, whose number says nothing to a reader."""
     files = sorted(path for path in folder.glob("*.h5") if not path.name.startswith("modes-"))
     digests = "".join(content_hash(path) for path in files)
     return [(f"{folder.resolve().name}, {len(files)} files", hashlib.sha256(digests.encode()).hexdigest())]
-
-
-def _answers(path: Path) -> Contents:
-    """Analyse a CSV of answers or of ratings, as `haploop analyse` does by default. Raises DataError."""
-    rows, of = read_rows(path), f", {path.name}"
-    if {"presented", "answered"} <= set(rows.columns):
-        return identification_contents(analyse_identification(rows), rows.simulated, of)
-    if {"pair", "rating"} <= set(rows.columns):
-        return ratings_contents(analyse_ratings(rows), rows.simulated, of)
-    if {"comparison", "correct"} <= set(rows.columns):
-        return thresholds_contents(analyse_thresholds(rows), ("participant",), rows, title=f"Thresholds{of}")
-    raise DataError(
-        f"{path} has none of the columns presented and answered, pair and rating, or comparison and "
-        "correct: name a table of `haploop experiment export`."
-    )
 
 
 def planned(sections: Sequence[Section]) -> list[tuple[Sequence[Section], Drawing]]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 import pytest
 
-from haploop.commands.experiment import _AtTerminal
+from haploop.experiments.commands.experiment import _AtTerminal
 from haploop.experiments.protocol.steps import Step
 
 SHORT = """

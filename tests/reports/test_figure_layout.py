@@ -22,6 +22,7 @@ from haploop.calibration.response.modes import Modes
 from haploop.calibration.response.terms import terms_of
 from haploop.console import server
 from haploop.experiments import load_experiment
+from haploop.experiments.shown import confusion_figure, ratings_figure
 from haploop.instruments import open_rig
 from haploop.reports import figures, plot
 from haploop.reports.contents import forces_in, plan_contents
@@ -158,14 +159,10 @@ def gallery(demo: Demo) -> Mapping[str, Draw]:
         "map of a row": lambda c: figures.map_figure(part, c),
         "before and after": lambda _: figures.before_and_after(by_name, {"latch": checks[0]}),
         "responses": lambda _: figures.responses([table], [table]),
-        "ratings": lambda c: figures.ratings_figure(rated(), c),
-        "ratings of seven": lambda c: figures.ratings_figure(
-            rated(load_experiment("rating").file.pair_names), c
-        ),
-        "confusion": lambda c: figures.confusion_figure(confused(), c),
-        "confusion of many": lambda c: figures.confusion_figure(
-            confused([f"a long name {k}" for k in range(6)]), c
-        ),
+        "ratings": lambda c: ratings_figure(rated(), c),
+        "ratings of seven": lambda c: ratings_figure(rated(load_experiment("rating").file.pair_names), c),
+        "confusion": lambda c: confusion_figure(confused(), c),
+        "confusion of many": lambda c: confusion_figure(confused([f"a long name {k}" for k in range(6)]), c),
         "trend": trend_of_four,
     }
 

@@ -9,8 +9,8 @@ from haploop.base.errors import ConfigurationError
 from haploop.calibration.drive import BEFORE
 from haploop.calibration.perception import LabThreshold, event_levels, levels_of
 from haploop.experiments import PAPER, PAPER_METRICS, Prediction, participant_model, predict_answers
+from haploop.experiments.shown import prediction_contents
 from haploop.mocks.people import SimulatedParticipant, load_participant_model
-from haploop.reports.contents import prediction_contents
 from tests.calibration.conftest import make_press
 from tests.experiments.analysis.test_confusion import TABLES
 

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ...base.wording import capital
-from ...experiments import Confusion, Identification, Ratings
-from .plotting import INK, Columns, colour, hatch, legend_under, letter, panels, style
+from ...reports.figures import INK, Columns, colour, hatch, legend_under, letter, panels, style
+from ..analysis import Confusion, Identification, Ratings
 
 _PAIR_SIZE, _CLASS_SIZE = 6.5, 8.0
 """Sizes of labels (points)."""

@@ -10,17 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..base.files import new_file
-from ..base.wording import capital
-from ..reports import contents, outputs, show
-from ..terminal.progress import Steps, note, print_either, print_line
-from . import public as haploop
-from .options import JSON, PATH, ChosenRig, FiniteRange, NewFile, on_rig
+from ...base.files import new_file
+from ...base.wording import capital
+from ...commands import public as haploop
+from ...commands.options import JSON, PATH, ChosenRig, FiniteRange, NewFile, on_rig
+from ...reports import outputs, show
+from ...terminal.progress import Steps, note, print_either, print_line
+from .. import shown as contents
 
 if TYPE_CHECKING:
-    from ..base.clock import Clock
-    from ..experiments import Presenter, Step
-    from ..instruments import Rig
+    from ...base.clock import Clock
+    from ...instruments import Rig
+    from ..presentation import Presenter
+    from ..protocol import Step
 
 FILE = click.argument("file", metavar="EXPERIMENT")
 DATA = click.option(

@@ -10,7 +10,19 @@ from typing import Any
 
 from ...base.wording import capital
 from ...calibration import LabThreshold
-from ...experiments import (
+from ...reports.contents import (
+    ANSWERS_SIMULATED,
+    Contents,
+    Drawing,
+    Fact,
+    Grid,
+    fact,
+    interval,
+    percent,
+    plain,
+    words,
+)
+from ..analysis import (
     METRICS,
     Comparison,
     Confusion,
@@ -23,10 +35,7 @@ from ...experiments import (
     Threshold,
     people_table,
 )
-from .. import figures
-from . import words
-from .parts import Contents, Drawing, Fact, Grid, fact, plain
-from .words import ANSWERS_SIMULATED, interval, percent
+from . import figures
 
 _answers = partial(Contents, origin=ANSWERS_SIMULATED)
 

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..reports import contents, show
-from ..terminal.progress import Steps
-from . import public as haploop
-from .option_groups import Shown, showing
-from .options import JSON, ONLY, PATH
+from ...commands import public as haploop
+from ...commands.option_groups import Shown, showing
+from ...commands.options import JSON, ONLY, PATH
+from ...reports import show
+from ...terminal.progress import Steps
+from .. import shown as contents
 
 if TYPE_CHECKING:
-    from ..experiments import Rows
+    from ..analysis import Rows
 
 
 @click.group(no_args_is_help=True)

@@ -7,25 +7,11 @@ from dataclasses import replace
 
 from ...base.errors import DataError
 from ...calibration.perception import Sensation
-from ...experiments import (
-    METRICS,
-    PAPER,
-    PAPER_METRICS,
-    Assignment,
-    Balance,
-    Course,
-    ExperimentFile,
-    Latency,
-    Prediction,
-    Step,
-    Store,
-    StoredSession,
-    balance_of,
-    group_of_slot,
-    latency_of,
-)
-from .parts import Contents, Fact, Grid, fact, plain
-from .words import ANSWERS_SIMULATED, counted, fixed, percent
+from ...reports.contents import ANSWERS_SIMULATED, Contents, Fact, Grid, counted, fact, fixed, percent, plain
+from ..analysis import METRICS, PAPER, PAPER_METRICS, Prediction
+from ..contact import Latency, latency_of
+from ..protocol import Assignment, Balance, Course, ExperimentFile, Step, balance_of, group_of_slot
+from ..session import Store, StoredSession
 
 _ASKS = {
     "identification": "identification: which was it?",

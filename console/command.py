@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import click
 
 from .. import instruments
+from ..commands import public as haploop
+from ..commands.calibrations import CALIBRATIONS
+from ..commands.options import PATH, RIG, SIMULATE, TAPED
 from ..terminal.progress import note
-from . import public as haploop
-from .calibrations import CALIBRATIONS
-from .options import PATH, RIG, SIMULATE, TAPED
 
 if TYPE_CHECKING:
     from ..instruments.driver import Mode
@@ -73,8 +73,8 @@ def serve(
     if stop:
         return _stop(file, simulate, as_json)
     try:
-        from ..console.data_folder import DataFolder  # noqa: PLC0415
-        from ..console.server import Access, serve_console  # noqa: PLC0415
+        from .data_folder import DataFolder  # noqa: PLC0415
+        from .server import Access, serve_console  # noqa: PLC0415
     except ModuleNotFoundError as error:
         raise haploop.ConfigurationError(
             f"The console needs {error.name}, which is not installed: python -m pip install 'haploop[ui]'."
@@ -99,7 +99,7 @@ def serve(
 
 def _refuse_running(file: haploop.instruments.RigFile, simulate: Mode | None) -> None:
     """Raise ConfigurationError when the rig's console runs already: its calls are on no tape."""
-    from ..console.worker import find_worker  # noqa: PLC0415
+    from .worker import find_worker  # noqa: PLC0415
 
     if find_worker(file, simulate) is not None:
         raise haploop.ConfigurationError(
@@ -109,7 +109,7 @@ def _refuse_running(file: haploop.instruments.RigFile, simulate: Mode | None) ->
 
 
 def _stop(file: haploop.instruments.RigFile, simulate: Mode | None, as_json: bool) -> int:
-    from ..console.worker import WorkerHangsError, find_worker  # noqa: PLC0415
+    from .worker import WorkerHangsError, find_worker  # noqa: PLC0415
 
     try:
         link = find_worker(file, simulate)

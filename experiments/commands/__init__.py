@@ -1,0 +1,1 @@
+"""The commands of experiments: `haploop experiment` and `haploop analyse`."""

@@ -1,0 +1,13 @@
+from .analysis import identification_contents as identification_contents
+from .analysis import power_contents as power_contents
+from .analysis import ratings_contents as ratings_contents
+from .analysis import thresholds_contents as thresholds_contents
+from .experiment import experiment_contents as experiment_contents
+from .experiment import first_steps as first_steps
+from .experiment import plan_of_experiment as plan_of_experiment
+from .experiment import prediction_contents as prediction_contents
+from .experiment import steps_grid as steps_grid
+from .figures import confusion_figure as confusion_figure
+from .figures import ratings_figure as ratings_figure
+from .section import answers_section as answers_section
+from .section import experiment_section as experiment_section
