@@ -193,8 +193,8 @@ def unproved(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def few_callbacks(monkeypatch: pytest.MonkeyPatch) -> None:
     """A simulated sound card that calls back for as many frames as it is late by: a third of the work."""
-    for role in ("daq", "player"):
-        monkeypatch.setattr(f"haploop.mocks.{role}.sound_card.FRAMES", 1152)
+    for module in ("daq.sound_card", "player"):
+        monkeypatch.setattr(f"haploop.mocks.{module}.FRAMES", 1152)
 
 
 @pytest.fixture(scope="session", autouse=True)
