@@ -1,4 +1,4 @@
-"""The command line. Each family of commands has a file in `haploop.commands`.
+"""The command line. Each family of commands has a file in `haploop.commands`, or in the room that owns it.
 
 `haploop.terminal.exits` defines how commands end. Heavy imports are deferred until a command needs them, so
 that `haploop --help` is fast.
