@@ -11,6 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError
 from ..limits import Limits
 
 
@@ -40,18 +41,32 @@ class Amplifier(ABC):
 
     @abstractmethod
     def to_input(self, drive: FloatArray) -> FloatArray:
-        """Convert `drive`, (samples,) V at the patch, to volts at its input."""
+        """Convert `drive`, (samples,) V at the patch, to volts at its input: in proportion."""
+
+
+_PROBES = np.array([-100.0, -1.0, 0.0, 1.0, 400.0])
+"""Volts at the patch at which a gain is read."""
 
 
 class ReadOnce(Amplifier):
     """The figures of an amplifier as they are now: plays rest on these, whatever is written to it later."""
 
     def __init__(self, amplifier: Amplifier, patches: int) -> None:
-        """`patches` is the largest number of them that are ever connected."""
+        """`patches` is the largest number of them that are ever connected.
+
+        Raises ConfigurationError for a driver whose volts at the input are not in proportion to the patch's.
+        """
         self.identity, self.input = amplifier.identity, amplifier.input
         self.inputs = dict(amplifier.inputs)
         self._limits = tuple(deepcopy(amplifier.limits(count)) for count in range(patches + 1))
-        self._gain = 1 / float(amplifier.to_input(np.ones(1))[0])
+        at_input = np.array(amplifier.to_input(_PROBES.copy()))
+        share = float(at_input[-1]) / float(_PROBES[-1])
+        if not share or not np.allclose(at_input, share * _PROBES, rtol=1e-6, atol=0.0):
+            raise ConfigurationError(
+                f"The amplifier {self.identity!r} is no plain gain: its driver makes {at_input.tolist()} V "
+                f"at its input of {_PROBES.tolist()} V at the patch, and nothing is played through it."
+            )
+        self._gain = 1 / share
 
     def limits(self, patches: int) -> Limits:
         """See `Amplifier.limits`; the relay refuses more patches than there are."""

@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict
 
 from haploop.base.errors import ConfigurationError
 from haploop.instruments import Rig, RigFile, Sweep, load_rig_file, open_rig
+from haploop.instruments.amplifier.analog import AnalogAmplifier
 from haploop.instruments.config.rig_file import AbortLimits, Device, SimulationSettings
 from haploop.instruments.limits import Limits
 from haploop.instruments.rig import opening
@@ -293,3 +294,15 @@ def test_what_a_driver_shows_is_not_assigned_to_in_an_open_rig():
     with open_rig("simulated") as rig:
         for name, value in {"patches": (), "rating": 500.0, "dead_man": 1e6}.items():
             raises(ConfigurationError, f"'{name}' of an open rig's", setattr, rig.relay, name, value)
+
+
+@pytest.mark.parametrize(
+    "to_input", [lambda v: v / 50 + 0.1, lambda v: 0 * v, lambda v: v * abs(v) / 5000, lambda v: abs(v) / 50]
+)
+def test_an_amplifier_that_is_no_plain_gain_plays_nothing(monkeypatch, to_input):
+    """Plays rest on one gain, read when the rig is opened."""
+    monkeypatch.setattr(AnalogAmplifier, "to_input", lambda _self, drive: to_input(drive))
+    with open_rig("simulated") as rig:
+        drive = np.ones(1000)
+        raises(ConfigurationError, "is no plain gain", rig.excite, drive, ["A"], ["laser"])
+        assert rig.simulation.truth.peak == 0
