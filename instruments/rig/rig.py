@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import os
-import pickle
 import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from copy import copy
+from copy import copy, deepcopy
 from dataclasses import replace
 from typing import Any, Self
 
@@ -77,8 +76,7 @@ class Rig(Instruments, InNotebook):
         mode: Mode | None,
         hardware: Collection[str],
     ) -> None:
-        self._as_opened = pickle.dumps(file)  # to copy it so takes a quarter of the time
-        super().__init__(pickle.loads(self._as_opened), clock)
+        super().__init__(deepcopy(file), clock)
         self._own = Instruments(self._file, clock)
         """For plays."""
         self.simulation = simulation
@@ -152,8 +150,7 @@ class Rig(Instruments, InNotebook):
     @property
     def file(self) -> RigFile:
         """The rig file as it was opened. A copy: what is written to it reaches no play."""
-        file: RigFile = pickle.loads(self._as_opened)
-        return file
+        return deepcopy(self._file)
 
     @property
     def is_closed(self) -> bool:
