@@ -64,6 +64,8 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
             # Chunks that scipy does not know.
             warnings.simplefilter("ignore", scipy.io.wavfile.WavFileWarning)
             rate, values = scipy.io.wavfile.read(path)
+        if not rate:
+            raise ValueError("its sample rate is 0")
     except (ValueError, EOFError, struct.error) as error:
         raise DataError(f"{path} is no WAV file that can be read ({error}).") from None
     except (ArithmeticError, LookupError, MemoryError, NameError, TypeError):

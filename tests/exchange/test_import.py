@@ -212,6 +212,12 @@ def wav(channels: int, bits: int, bytes_each: int, chunk: bytes) -> bytes:
     return b"RIFF" + sized + b"WAVEfmt " + kind + chunk + sized + bytes(100)
 
 
+def silent_wav(rate_hz: int) -> bytes:
+    kind = struct.pack("<IHHIIHH", 16, 1, 1, rate_hz, 2 * rate_hz, 2, 16)
+    data = b"data" + struct.pack("<I", 200) + bytes(200)
+    return b"RIFF" + struct.pack("<I", 28 + len(data)) + b"WAVEfmt " + kind + data
+
+
 WAVE = "a\n" + "".join(f"{value:.9g}\n" for value in np.sin(np.arange(5000.0)))
 
 
@@ -228,6 +234,7 @@ WAVE = "a\n" + "".join(f"{value:.9g}\n" for value in np.sin(np.arange(5000.0)))
         ("a.csv", "time [s],a\n0,1\n1,1\n2,3\n9,3\n", "constant rate", ""),
         ("a.csv", "frequency [Hz],a\n1,1\n2,1\n", "over frequency", ""),
         *(("a.csv", WAVE, "--scale", f"--rate 5000 --scale {scale}") for scale in ("0.0", "nan", "1e+300")),
+        ("a.wav", silent_wav(0), "its sample rate is 0", ""),
         ("a.json", "{}", "SEP-005", ""),
         ("a.sep005", "", "SEP-005", ""),
         ("a.sep005", '{"name": "a", "unit_str": "g", "fs": 5000, "data": []}', "empty", ""),
