@@ -26,11 +26,12 @@ RESULTS: Mapping[str, Callable[[], Any]] = {
 }
 """Gives the class of a kind of result: only what a file holds is imported."""
 
-_FOLDERS: Mapping[str, Callable[[], Callable[[Path], Any]]] = {
+FOLDERS: Mapping[str, Callable[[], Callable[[Path], Any]]] = {
     "map.json": lambda: calibration.VibrationMap.load,
     "study.toml": lambda: acquisition.load_study,
     "experiment.toml": lambda: resolve_name("haploop.experiments:load_experiment"),
 }
+"""Gives what reads a folder that holds a file of this name."""
 
 
 def read_result(kind: str, path: Path) -> Any:
@@ -59,13 +60,13 @@ def load(path: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> Any
     if not isinstance(path, str | os.PathLike):
         return [load(one) for one in path]
     one = Path(path)
-    for name, read in _FOLDERS.items():
+    for name, read in FOLDERS.items():
         if one.name == name:
             one = one.parent
         if (one / name).is_file():
             return read()(one)
     if one.is_dir():
-        raise DataError(f"{one} is a folder without {', '.join(_FOLDERS)}: name a file in it.")
+        raise DataError(f"{one} is a folder without {', '.join(FOLDERS)}: name a file in it.")
     kind = hdf5.kind_of(one)
     if kind not in RESULTS:
         raise DataError(f"{one} holds a {kind}, which cannot be loaded by itself.")

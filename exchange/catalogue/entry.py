@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...base import hdf5
@@ -200,11 +199,11 @@ def _study(path: Path) -> Entry:
 
 
 def _experiment(path: Path) -> Entry | None:
-    load: Callable[[Path], Any] = resolve_name("haploop.experiments:load_experiment")
     from ...instruments import load_rig_file  # noqa: PLC0415
+    from ..loading import FOLDERS  # noqa: PLC0415
 
     try:
-        experiment = load(path)
+        experiment = FOLDERS["experiment.toml"]()(path)
     except HaploopError:
         with suppress(HaploopError):
             load_rig_file(path)

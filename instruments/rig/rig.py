@@ -40,7 +40,7 @@ from ..safety import (
 )
 from .monitoring import Monitoring, PlayRequest
 from .playing import Playing
-from .roles import Instruments, Role, ratings
+from .roles import Instruments, Part, Role, ratings
 
 
 class DeclaredSettings:
@@ -147,10 +147,9 @@ class Rig(Instruments, InNotebook):
         kind = f"simulated by its {self.mode}" if self.mode else "its hardware"
         return f"<Rig {self.name}: {state}, {kind}; {', '.join(self.instruments)}>"
 
-    @property
-    def file(self) -> RigFile:
-        """The rig file as it was opened. A copy: what is written to it reaches no play."""
-        return deepcopy(self._file)
+    def _copied(self, part: Part) -> Part:
+        """What a program writes to the file, or to a part of it, reaches no play."""
+        return deepcopy(part)
 
     @property
     def is_closed(self) -> bool:

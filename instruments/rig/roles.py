@@ -24,6 +24,7 @@ from ..sensors import Divider, Sensors
 from ..vibrometer import Vibrometer
 
 Role = TypeVar("Role")
+Part = TypeVar("Part")
 
 
 class Instruments:
@@ -34,10 +35,14 @@ class Instruments:
         self.clock = clock
         self._roles: dict[str, Any] = {}
 
+    def _copied(self, part: Part) -> Part:
+        """A part of the file as whoever asks gets it."""
+        return part
+
     @property
     def file(self) -> RigFile:
         """The rig file."""
-        return self._file
+        return self._copied(self._file)
 
     @property
     def name(self) -> str:
@@ -47,24 +52,24 @@ class Instruments:
     @property
     def sensors(self) -> Sensors:
         """The rig's sensors."""
-        return self.file.sensors
+        return self._copied(self._file.sensors)
 
     @property
     def table(self) -> TableSettings:
         """The touch table. Raises ConfigurationError for a rig that has none."""
-        if self.file.table is None:
+        if self._file.table is None:
             raise ConfigurationError(f"The rig {self.name!r} has no [table]; this step needs one.")
-        return self.file.table
+        return self._copied(self._file.table)
 
     @property
     def actuator(self) -> Actuator:
         """What drives each patch. Raises ConfigurationError for a rig that has none."""
-        if self.file.actuator is None:
+        if self._file.actuator is None:
             raise ConfigurationError(
                 f"The rig {self.name!r} has no [actuator]; this step needs one: write what is glued to the "
                 "table, and what it takes."
             )
-        return self.file.actuator
+        return self._copied(self._file.actuator)
 
     @property
     def instruments(self) -> Mapping[str, Any]:
@@ -161,17 +166,18 @@ class Instruments:
 
     def drive_monitor(self) -> Divider:
         """The divider that measures a player's drive. Raises ConfigurationError without one."""
-        if self.file.sensors.drive is None:
+        drive = self.sensors.drive
+        if drive is None:
             raise ConfigurationError(
                 f"The rig {self.name!r} has a player and no [sensors.drive]: a player's drive must be "
                 "measured, so wire it to a channel of the DAQ."
             )
-        return self.file.sensors.drive
+        return drive
 
     def feeds_amplifier(self, role: Literal["daq", "player", "generator"]) -> bool:
         """True when an output of this role feeds the amplifier; of a DAQ's, those that its file names."""
         if role == "daq":
-            outputs = self.file.daq.settings.get("outputs")
+            outputs = self._file.daq.settings.get("outputs")
             return isinstance(outputs, Mapping) and self.amplifier.input in outputs
         return self.has(role) and self._roles[role].output == self.amplifier.input
 

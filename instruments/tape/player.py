@@ -182,21 +182,22 @@ class Player:
         with self._lock:
             track = self._mine.get(thread)
             if track is None:
-                free = [t for t in self._tracks.values() if not t.taken and t.calls]
-                track = next((t for t in free if t.name == thread.name), None)
+                track = next((t for t in self._free() if t.name == thread.name), None)
             return float(track.calls[0]["at"]) if track is not None and track.calls else math.inf
+
+    def _free(self) -> list[_Track]:
+        """Threads of the tape that no thread of the session has been matched with."""
+        return [track for track in self._tracks.values() if not track.taken and track.calls]
 
     def _first(self, asked: str, name: str) -> _Track | None:
         """The unmatched thread of the tape that begins with this call: of the same name, if there is."""
-        free = [track for track in self._tracks.values() if not track.taken and track.calls]
-        fits = [track for track in free if _key_of(track.calls[0]) == asked]
+        fits = [track for track in self._free() if _key_of(track.calls[0]) == asked]
         return next((t for t in [*(t for t in fits if t.name == name), *fits]), None)
 
     def _told(self, shown: str, track: _Track | None, given: list[Any]) -> str:
         sentence = f"The tape {self.path} holds another call than is asked for after {self.answered} calls"
         if track is None:
-            free = [t for t in self._tracks.values() if not t.taken and t.calls]
-            held = "; ".join(_shown_of(t.calls[0]) for t in free[:3]) or "nothing more"
+            held = "; ".join(_shown_of(t.calls[0]) for t in self._free()[:3]) or "nothing more"
             return f"{sentence}. Asked: {shown}. A thread of the tape begins with: {held}."
         if not track.calls:
             end = "ends there" if self.whole else "was cut off there"
