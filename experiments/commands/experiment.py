@@ -283,11 +283,8 @@ class _AtTerminal:
             self._block = step.block
             note(f"--- {capital(step.block)}")
         head = f"{step.number} of {step.of}. " if step.kind != "staircase" else f"{step.number}. "
-        again = (
-            []
-            if self._presenter is None or not self._presenter.presents(step)
-            else [haploop.experiments.AGAIN]
-        )
+        can_repeat = self._presenter is not None and self._presenter.presents(step)
+        again = [haploop.experiments.AGAIN] if can_repeat else []
         match step.kind:
             case "presses":
                 name = next(iter(step.stimulus.values()), "")
