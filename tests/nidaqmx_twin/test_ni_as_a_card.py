@@ -5,10 +5,6 @@ request there.
 """
 
 import operator
-import os
-import subprocess
-import sys
-import threading
 import time
 import warnings
 from collections.abc import Iterator
@@ -24,7 +20,6 @@ from nidaqmx.constants import (
     Edge,
     LineGrouping,
     OverwriteMode,
-    Signal,
     TaskMode,
     ThermocoupleType,
 )
@@ -34,7 +29,6 @@ from nidaqmx.utils import unflatten_channel_string
 
 from haploop.base.errors import ConfigurationError
 from haploop.nidaqmx_twin import NiTwin
-from haploop.nidaqmx_twin.threads import Threads
 from tests.nidaqmx_twin.ni_client import CONTINUOUS, FINITE, clocked, code, on
 
 CARDS = {
@@ -42,7 +36,6 @@ CARDS = {
     "Bus": "USB-6211", "Low": "USB-6009", "Usb": "USB-6001",
     "Hs": "PCIe-6535", "Sup": "TS-15200", "Ieee": "NI 9234", "Eight": "PXIe-4353",
 }  # fmt: skip
-ACQUIRED = "register_every_n_samples_acquired_into_buffer_event"
 
 
 @pytest.fixture
@@ -90,6 +83,15 @@ def test_names_of_several_channels(task, terminals, assigned, names):
     if terminals.startswith("Dev1/ai"):
         task.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
         assert np.shape(task.read(10)) == ((len(names), 10) if len(names) > 1 else (10,))
+
+
+@pytest.mark.parametrize("wrong", ["Dev1/ai0:", "Dev1/ai:3", "Dev1/ai0:ao3"])
+def test_a_range_that_is_none(twin, wrong):
+    with nidaqmx.Task() as task:
+        assert code(lambda: task.ai_channels.add_ai_voltage_chan(wrong)) == -200498
+        assert code(lambda: task.ai_channels.add_ai_voltage_chan("Dev1/ai0", wrong)) == -200498
+    with pytest.raises(ConfigurationError, match="range"):
+        twin.set(wrong, 1.0)
 
 
 # Rates: K kA00Z000000P83OSAS (AI rounds the divisor down), K kA00Z000000P6FrSAK (delta-sigma goes up)
@@ -329,264 +331,6 @@ def test_an_output_buffer_holds_two_samples(task, size, samples, right):
         task.out_stream.output_buf_size = size
     task.write([0.0] * samples, auto_start=False)
     assert code(task.start) == right
-
-
-_OTHER_PROGRAM = """
-import nidaqmx
-task = nidaqmx.Task("press")
-task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
-task.timing.cfg_samp_clk_timing(1000, sample_mode=nidaqmx.constants.AcquisitionType.CONTINUOUS)
-task.start()
-print(task.name, flush=True)
-input()
-"""
-
-
-@pytest.mark.parametrize("late", [0.0, 2.0])
-@pytest.mark.parametrize("end", ["kill", "exit"])
-def test_a_task_lives_in_its_process(end, late, monkeypatch):
-    """Its name is unique there, and what it has reserved is free when the process has ended, however.
-
-    So it is where the server's thread for the first call, which lasts as long as the process, starts `late`
-    (s): gRPC runs no call whose client has gone before.
-    """
-    first, submit = iter([late]), Threads.submit
-
-    def submit_late(pool, call, *args):
-        delay = next(first, 0.0)
-        return submit(pool, lambda: (time.sleep(delay), call(*args)))
-
-    monkeypatch.setattr(Threads, "submit", submit_late)
-    with NiTwin({"Dev1": "PCIe-6363"}, time="real") as twin:
-        program = subprocess.Popen(
-            [sys.executable, "-c", _OTHER_PROGRAM],
-            env=twin.environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
-        with program, nidaqmx.Task("press") as task:
-            assert program.stdout.readline() == "press\n"
-            task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
-            assert code(task.start) == -50103
-            if end == "kill":
-                program.kill()
-            else:
-                program.stdin.write("\n")
-                program.stdin.flush()
-            program.wait(120)
-            for _ in range(3000):
-                if code(task.start) is None:
-                    break
-                time.sleep(0.02)
-            assert isinstance(task.read(), float)
-
-
-_FORKS = """
-import os, sys
-import nidaqmx
-from nidaqmx.errors import DaqNotFoundError
-from contextlib import nullcontext
-from haploop.base.errors import ConfigurationError
-from haploop.nidaqmx_twin import NiTwin
-
-_, where, end = sys.argv
-
-def counts(device):
-    task = nidaqmx.Task()
-    task.ai_channels.add_ai_voltage_chan(device + "/ai0")
-    # A buffer of minutes: the parent does not read while it waits for its child, on a busy computer too.
-    kind = nidaqmx.constants.AcquisitionType.CONTINUOUS
-    task.timing.cfg_samp_clk_timing(1000, sample_mode=kind, samps_per_chan=200_000)
-    task.register_every_n_samples_acquired_into_buffer_event(100, lambda *_: 0)
-    task.start()
-    return task
-
-with NiTwin({"Dev1": "PCIe-6363"}) if where == "inside" else nullcontext() as twin:
-    parents = counts("Dev1")
-    parents.read(100)
-    child = os.fork()
-    if not child and end == "use":
-        with counts("Dev2") as task:
-            task.read(100)
-    if not child and end == "refused":
-        def refused(use):
-            try:
-                return use()
-            except (nidaqmx.DaqError, DaqNotFoundError, ConfigurationError) as error:
-                return str(error).split(":")[0].split("\\n")[0]
-        print(refused(nidaqmx.Task), refused(lambda: parents.read(1)), refused(parents.stop),
-              refused(lambda: twin.set("Dev1/ai0", 1)), sep=", ", flush=True)
-    if not child and end != "_exit":
-        sys.exit(0)
-    if not child:
-        os._exit(0)
-    _, status = os.waitpid(child, 0)
-    read = len(parents.read(200))
-    parents.close()
-print(status, read)
-"""
-
-
-_NO_CARDS = "A forked child has no NI cards, because they are simulated in its parent"
-_NO_TASK = "Task specified is invalid or does not exist"
-
-
-@pytest.mark.long
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
-@pytest.mark.parametrize(
-    ("where", "end", "told"),
-    [
-        ("inside", "_exit", ""),
-        ("inside", "exit", ""),
-        ("inside", "refused", f"{_NO_CARDS}, {_NO_TASK}, {_NO_TASK}, {_NO_CARDS}\n"),
-        ("beside", "exit", ""),
-        ("beside", "use", ""),
-    ],
-)
-def test_a_forked_child_closes_no_task_of_its_parent(where, end, told):
-    """Not at its end, and not by a task of its own, for which it has a connection of its own; where the cards
-    are in its parent, it has none.
-    """
-    with NiTwin({"Dev1": "PCIe-6363", "Dev2": "PCIe-6363"}, time="real") as twin:
-        program = [sys.executable, "-c", _FORKS, where, end]
-        environment = twin.environment() if where == "beside" else None
-        ran = subprocess.run(
-            program, env=environment, capture_output=True, text=True, timeout=200, check=False
-        )
-    assert ran.stdout == f"{told}0 200\n", ran.stderr
-
-
-# Events
-
-
-@pytest.mark.parametrize("register", [ACQUIRED, "register_done_event", "register_signal_event"])
-def test_events_are_registered_before_the_start(task, register):
-    first = {ACQUIRED: (100,), "register_signal_event": (Signal.SAMPLE_CLOCK,)}.get(register, ())
-    clocked(task, "Dev1/ai0", 1000, sample_mode=CONTINUOUS)
-    task.start()
-    assert code(lambda: getattr(task, register)(*first, lambda *_: 0)) == -200960
-    task.stop()
-    getattr(task, register)(*first, lambda *_: 0)
-    task.start()
-    assert code(lambda: getattr(task, register)(*first, None)) == -200986
-    task.stop()
-
-
-def test_a_task_is_stopped_and_closed_in_its_callback(twin):
-    """T test_task_events.py, call_stop_close_in_callback."""
-    for which in ("done", "samples"):
-        done, told = threading.Event(), []
-        task = nidaqmx.Task()
-        clocked(task, "Dev1/ai0", 1000, samps_per_chan=100)
-
-        def close(*_, task=task, done=done, told=told):
-            try:
-                task.stop()
-                task.close()
-            except Exception as error:
-                told.append(error)
-            done.set()
-            return 0
-
-        if which == "done":
-            task.register_done_event(close)
-        else:
-            getattr(task, ACQUIRED)(100, close)
-        task.start()
-        twin.sleep(1)
-        assert done.wait(10) and not told
-
-
-def test_the_end_waits_for_a_callback_in_flight(twin):
-    began, read = threading.Event(), []
-
-    def slow(*_):
-        began.set()
-        threading.Event().wait(0.2)
-        read.append(len(task.read(100)))
-        return 0
-
-    with nidaqmx.Task() as task:
-        clocked(task, "Dev1/ai0", 1000, samps_per_chan=100)
-        getattr(task, ACQUIRED)(100, slow)
-        task.start()
-        threading.Thread(target=twin.sleep, args=(0.2,)).start()
-        assert began.wait(10)
-    assert read == [100]
-
-
-@pytest.mark.parametrize(
-    ("device", "size", "every", "right"),
-    [
-        ("Dev1", 1000, 2000, -200877),
-        ("M", 1000, 102, -200877),
-        ("M", 1000, 100, None),
-        ("Dev1", 1000, 102, None),
-    ],
-)
-def test_intervals_of_events_fit_the_buffer(task, device, size, every, right):
-    """H "Software Events": 1,000 samples and 102 is an error on M Series with DMA, 100 is none."""
-    clocked(task, f"{device}/ai0", 1000, sample_mode=CONTINUOUS)
-    task.in_stream.input_buf_size = size
-    getattr(task, ACQUIRED)(every, lambda *_: 0)
-    assert code(task.start) == right
-
-
-@pytest.mark.parametrize("kind", ["ai", "ao", "di", "do"])
-def test_events_of_samples_need_a_buffer(task, kind):
-    if kind[0] == "a":
-        getattr(getattr(task, f"{kind}_channels"), f"add_{kind}_voltage_chan")(f"Dev1/{kind}0")
-    else:
-        getattr(getattr(task, f"{kind}_channels"), f"add_{kind}_chan")("Dev1/port0/line0")
-    register = ACQUIRED if kind[1] == "i" else "register_every_n_samples_transferred_from_buffer_event"
-    getattr(task, register)(100, lambda *_: 0)
-    assert code(task.start) == -200848
-    getattr(task, register)(100, None)
-    assert code(task.start) is None
-
-
-@pytest.mark.parametrize("wrong", ["Dev1/ai0:", "Dev1/ai:3", "Dev1/ai0:ao3"])
-def test_a_range_that_is_none(twin, wrong):
-    with nidaqmx.Task() as task:
-        assert code(lambda: task.ai_channels.add_ai_voltage_chan(wrong)) == -200498
-        assert code(lambda: task.ai_channels.add_ai_voltage_chan("Dev1/ai0", wrong)) == -200498
-    with pytest.raises(ConfigurationError, match="range"):
-        twin.set(wrong, 1.0)
-
-
-@pytest.mark.parametrize(
-    ("signal", "rising", "falling", "events"),
-    [
-        (0, True, True, 0),
-        (1, True, True, 0),
-        (lambda times: (times > 0.5) * 1.0, True, True, 1),
-        (lambda times: np.floor(10 * times) % 2, True, True, 9),
-        (lambda times: np.floor(10 * times) % 2, True, False, 5),
-    ],
-)
-def test_changes_are_detected_where_there_are_some(twin, signal, rising, falling, events):
-    line, fired = "Dev1/port0/line0", []
-    twin.set(line, signal)
-    with nidaqmx.Task() as task:
-        task.di_channels.add_di_chan(line)
-        task.timing.cfg_change_detection_timing(line if rising else "", line if falling else "", CONTINUOUS)
-        task.register_signal_event(Signal.CHANGE_DETECTION_EVENT, lambda *_: fired.append(1) or 0)
-        task.start()
-        time.sleep(0.98)
-        assert task.in_stream.avail_samp_per_chan == events
-        for _ in range(500):
-            if len(fired) >= events:
-                break
-            threading.Event().wait(0.01)
-        task.stop()
-    assert len(fired) == events
-
-
-def test_a_sample_is_taken_at_each_change(twin, task):
-    twin.set("Dev1/port0/line0", lambda times: (np.sin(2 * np.pi * 5 * times) > 0) * 1.0)
-    task.di_channels.add_di_chan("Dev1/port0/line0")
-    task.timing.cfg_change_detection_timing("Dev1/port0/line0", "Dev1/port0/line0", samps_per_chan=10)
-    began = twin.now
-    assert task.read(10, timeout=10) in ([True, False] * 5, [False, True] * 5)
-    assert twin.now - began == pytest.approx(1, abs=0.2)
 
 
 # Signals from outside
