@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -79,24 +80,27 @@ def test_programs_of_different_environments_exclude_each_other(tmp_path):
 
 @POSIX
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can be another user")
-def test_users_of_one_computer_exclude_each_other_and_clear_each_others_lockouts(place):
-    for folder in (place.parent, *place.parents):
-        folder.chmod(folder.stat().st_mode | 0o055)
+def test_users_of_one_computer_exclude_each_other_and_clear_each_others_lockouts(monkeypatch):
     before = os.umask(0o077)
     try:
-        set_lockout(machine.folder(), {PIECE}, Lockout("now", "mine", "me", ""))
-        with another(PIECE, str(place)) as said:
-            assert said == "held"
-            with pytest.raises(InUse), hold({PIECE}, "The rig 'mine'"):
-                pass
-        # What it left when it was killed keeps nobody out.
-        with hold({PIECE}, "The rig 'mine'"), another(PIECE, str(place)) as said:
-            assert said.startswith("refused")
-        found = lockout_of(place, {PIECE})
-        assert found is not None and found.why == "mine", "the first is kept"
-        clear = HOLDER.split("try:", maxsplit=1)[0] + "clear_lockout(machine.folder(), {sys.argv[1]})"
-        subprocess.run([sys.executable, "-c", clear, PIECE, str(place)], check=True)
-        assert lockout_of(place, {PIECE}) is None
+        # Not in pytest's own folder, which every session of it that begins closes to other users.
+        with TemporaryDirectory(dir="/tmp") as name:
+            Path(name).chmod(0o755)
+            place = Path(name) / "place"
+            monkeypatch.setattr(machine, "_place", lambda: place)
+            set_lockout(machine.folder(), {PIECE}, Lockout("now", "mine", "me", ""))
+            with another(PIECE, str(place)) as said:
+                assert said == "held"
+                with pytest.raises(InUse), hold({PIECE}, "The rig 'mine'"):
+                    pass
+            # What it left when it was killed keeps nobody out.
+            with hold({PIECE}, "The rig 'mine'"), another(PIECE, str(place)) as said:
+                assert said.startswith("refused")
+            found = lockout_of(place, {PIECE})
+            assert found is not None and found.why == "mine", "the first is kept"
+            clear = HOLDER.split("try:", maxsplit=1)[0] + "clear_lockout(machine.folder(), {sys.argv[1]})"
+            subprocess.run([sys.executable, "-c", clear, PIECE, str(place)], check=True)
+            assert lockout_of(place, {PIECE}) is None
     finally:
         os.umask(before)
 
