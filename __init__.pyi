@@ -37,11 +37,11 @@ from .calibration import play_button as play_button
 from .calibration import recalibrate as recalibrate
 from .exchange import export_file as export_file
 from .exchange import import_file as import_file
-from .exchange import load as load
-from .exchange.catalogue import list_files as list_files
 from .instruments import load_rig_file as load_rig_file
 from .instruments import new_rig_on as new_rig_on
 from .instruments import open_rig as open_rig
 from .instruments import watch_live as watch_live
 from .reports import plot as plot
+from .reports.catalogue import list_files as list_files
 from .reports.html import write_report as write_report
+from .reports.loading import load as load

@@ -1,6 +1,7 @@
 from .presses import SEGMENTATIONS as SEGMENTATIONS
 from .presses import AverageMethod as AverageMethod
 from .presses import ButtonPress as ButtonPress
+from .presses import Curve as Curve
 from .presses import Protocol as Protocol
 from .presses import Representative as Representative
 from .presses import Segmentation as Segmentation
@@ -31,3 +32,5 @@ from .session import record as record
 from .session import run_study as run_study
 from .session import williams_row as williams_row
 from .session import with_presses as with_presses
+from .session.processing import Processed as Processed
+from .session.processing import process_study as process_study

@@ -17,9 +17,8 @@ from .button import button
 from .calibrations import calibrations, recalibrate
 from .demo.command import demo
 from .examples import show_examples
-from .export import export, figures
+from .figures import figures
 from .files import list_command, recover, report, show, verify
-from .importing import import_
 from .live import live
 from .map import map_command
 from .new import new
@@ -31,12 +30,14 @@ from .table import calibrate, check
 from .tape import tape
 from .twin import twin
 
-_serve, _experiment, _analyse = map(
+_serve, _experiment, _analyse, _export, _import = map(
     resolve_name,
     (
         "haploop.console.command:serve",
         "haploop.experiments.commands.experiment:experiment",
         "haploop.experiments.commands.analyse:analyse",
+        "haploop.exchange.commands.export:export",
+        "haploop.exchange.commands.importing:import_",
     ),
 )
 """Commands of the rooms that stand on this one; nothing else here names them."""
@@ -65,7 +66,7 @@ def cli(ctx: click.Context) -> None:
 
 cli.sections = {
     "Make a button, in this order": (doctor, record, represent, calibrate, button, show, report, demo),
-    "Look": (live, list_command, _serve, check, map_command, figures, export, import_),
+    "Look": (live, list_command, _serve, check, map_command, figures, _export, _import),
     "People": (new, study, _experiment, _analyse),
     "Maintain": (recalibrate, calibrations, verify, recover, log, reset, schema, rig, tape, twin),
 }

@@ -33,7 +33,7 @@ def live(rig: ChosenRig, wait: float, as_json: bool, lsl: bool) -> None:
     rms and peak are those of the newest block, in SI units; rms and peak are taken about the mean. A
     recording is not affected: a view that is too slow misses blocks, and counts them.
     """
-    from ..exchange.live import find, looking, show_json, show_meter, stream  # noqa: PLC0415
+    from .live_views import find, looking, show_json, show_meter, stream  # noqa: PLC0415
 
     file, simulate = rig.load(), rig.simulate
     if lsl:

@@ -237,7 +237,7 @@ class ChosenRig:
     @contextmanager
     def open(self, file: RigFile, real_time: bool = False) -> Iterator[Rig]:
         """Open the rig, publish it for `haploop live`, and print a note when it is simulated."""
-        from ..exchange.live import published  # noqa: PLC0415
+        from .live_views import published  # noqa: PLC0415
 
         with haploop.open_rig(file, self.simulate, real_time=real_time) as opened, published(opened):
             self.state.rig_opened, self.state.at_rest = True, file.at_rest

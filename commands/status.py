@@ -15,7 +15,7 @@ from ..terminal.progress import Steps, print_line
 from . import public as haploop
 
 if TYPE_CHECKING:
-    from ..exchange.catalogue import Entry
+    from ..reports.catalogue import Entry
 
 _LOOKED_FOR = ("*.h5", "*/*.h5", "*.toml", "*/experiment.toml")
 _NAMED = (

@@ -178,7 +178,7 @@ def process(out: Path, workers: int | None, dask: str | None, path: Path, as_jso
     """
     opened = haploop.load_study(path)
     with Steps() as steps:
-        done = haploop.exchange.process_study(opened, out, workers=workers, dask=dask, progress=steps)
+        done = haploop.acquisition.process_study(opened, out, workers=workers, dask=dask, progress=steps)
     print_either(
         as_json,
         {

@@ -1,7 +1,3 @@
-from .catalogue import Entry as Entry
-from .catalogue import list_files as list_files
-from .csv_file import write_rows as write_rows
-from .curve import Curve as Curve
 from .formats import FORMATS as FORMATS
 from .formats import Exported as Exported
 from .formats import export_file as export_file
@@ -17,8 +13,3 @@ from .importing import import_response as import_response
 from .importing import is_response_file as is_response_file
 from .importing import named as named
 from .importing import understand as understand
-from .loading import load as load
-from .press_rows import COLUMNS as COLUMNS
-from .press_rows import press_table as press_table
-from .processing import Processed as Processed
-from .processing import process_study as process_study

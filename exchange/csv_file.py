@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 
+from ..acquisition.presses import write_rows
 from ..base.arrays import FloatArray
 from ..base.files import new_file
-from .views import Cell, PressTable, Responses, Signals, sidecar, write_json, write_sidecar
+from .views import PressTable, Responses, Signals, sidecar, write_json, write_sidecar
 
 
 def write_signals(signals: Signals, path: Path) -> None:
@@ -51,24 +50,6 @@ def write_presses(table: PressTable, path: Path) -> None:
     """One row a press; an unknown value is an empty cell."""
     with new_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         write_rows(file, table.units, table.rows)
-
-
-def write_rows(
-    file: TextIO, columns: Iterable[str], rows: Iterable[Mapping[str, Cell]], headings: bool = True
-) -> None:
-    """Write rows into an open file (newline=""), with a line of headings before them or without."""
-    writer = csv.DictWriter(file, list(columns))
-    if headings:
-        writer.writeheader()
-    for row in rows:
-        writer.writerow({name: _cell(value) for name, value in row.items()})
-
-
-def _cell(value: Cell) -> Cell:
-    """A text that a spreadsheet would take for a formula gets an apostrophe before it."""
-    if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")):
-        return f"'{value}"
-    return "" if value is None else value
 
 
 def _write(path: Path, headings: list[str], columns: FloatArray) -> None:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import scipy
 
 from .. import __version__
-from ..acquisition import Recording, Representative, Study, content_hash, open_part
+from ..acquisition import Curve, Recording, Representative, Study, content_hash, open_part
+from ..acquisition.presses import PRESS_COLUMNS, press_rows
 from ..base.arrays import FloatArray
 from ..base.errors import DataError
 from ..calibration import Calibration, Check, DigitalButton, Drive, Response, VibrationMap
 from ..terminal.progress import SIMULATED
-from .curve import Curve
-from .press_rows import press_table
 from .views import About, Channel, Envelope, PressTable, Responses, Signals
 
 _SMOOTHING = 0.002
@@ -176,16 +174,19 @@ def recording_presses(paths: Sequence[Path]) -> PressTable:
         "simulated": simulated,
         **_software(simulated),
     }
-    return press_table(f"Presses of {len(recordings)} recordings", recordings, about)
+    return PressTable(
+        f"Presses of {len(recordings)} recordings", PRESS_COLUMNS, tuple(press_rows(recordings)), about
+    )
 
 
 def study_presses(study: Study) -> PressTable:
     """One row a press of a study. Raises ConfigurationError and DataError."""
     # One recording in memory at a time.
     recordings = (open_part(path, study.file.name) for paths in study.parts().values() for path in paths)
-    table = press_table(f"Study {study.file.name}", recordings, {})
-    simulated = any(row["simulated"] for row in table.rows)
-    return replace(table, about={"source": study.path.name, "simulated": simulated, **_software(simulated)})
+    rows = tuple(press_rows(recordings))
+    simulated = any(row["simulated"] for row in rows)
+    about: About = {"source": study.path.name, "simulated": simulated, **_software(simulated)}
+    return PressTable(f"Study {study.file.name}", PRESS_COLUMNS, rows, about)
 
 
 def curve_rows(path: Path) -> PressTable:

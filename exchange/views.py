@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..acquisition.presses import Cell
 from ..base.arrays import FloatArray, IntArray
 from ..base.errors import DataError
 from ..base.files import new_file
@@ -18,7 +19,6 @@ from ..terminal.progress import SIMULATED
 
 About = Mapping[str, str | float | int | bool]
 """Where data come from: source, content hash, simulated or not, and what else is known."""
-Cell = str | float | int | bool | None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,5 @@
 from . import plot as plot
+from .catalogue import Entry as Entry
 from .contents import file_contents as file_contents
 from .figures import trend as trend
 from .html import PaperFigures as PaperFigures

@@ -18,11 +18,10 @@ from typing import TypeVar
 
 from matplotlib.figure import Figure
 
-from ..acquisition import Recording, Representative, accepted_presses
+from ..acquisition import Curve, Recording, Representative, accepted_presses
 from ..base.errors import DataError
 from ..calibration import ButtonPlan, Calibration, Check, DigitalButton, Drive, History, check_feeling
 from ..calibration.map import VibrationMap
-from ..exchange.curve import Curve
 from . import figures
 from .contents import forces_in, simulated
 from .figures import Columns

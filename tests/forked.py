@@ -13,7 +13,7 @@ import pytest
 __all__ = ["context"]
 
 _IMPORTED = (
-    "haploop.exchange.processing", "scipy.signal", "pytest", "tests.acquisition.recording.pattern",
+    "haploop.acquisition.session.processing", "scipy.signal", "pytest", "tests.acquisition.recording.pattern",
     "tests.acquisition.session.studying",
 )  # fmt: skip
 

@@ -1,8 +1,16 @@
 """Presses in a recording: segmentation, quality check, and the representative press."""
 
 from .averaging import AverageMethod as AverageMethod
+from .curve import FEWEST as FEWEST
+from .curve import Curve as Curve
+from .curve import Point as Point
+from .curve import each_travel as each_travel
 from .filtering import bandwidth_of as bandwidth_of
 from .filtering import high_pass as high_pass
+from .press_rows import PRESS_COLUMNS as PRESS_COLUMNS
+from .press_rows import Cell as Cell
+from .press_rows import press_rows as press_rows
+from .press_rows import write_rows as write_rows
 from .pressing import NAMES as NAMES
 from .pressing import LivePressing as LivePressing
 from .pressing import levels_of as levels_of

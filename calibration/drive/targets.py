@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
-from ... import acquisition
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError, DataError
 from ...base.filters import correlate, fast_length, resample_poly
@@ -186,6 +185,8 @@ def load_elsewhere(
     Raises ConfigurationError for a point that is both, or a size without a press; and what `load_press`
     raises.
     """
+    from ...acquisition import load_press  # noqa: PLC0415 - most plays read no press of a file
+
     files: dict[str, list[str | Path]] = {}
     for point, path in also:
         files.setdefault(point, []).append(path)
@@ -194,7 +195,7 @@ def load_elsewhere(
         raise ConfigurationError(f"Point {both[0]} cannot be silent and play a press: leave one out.")
     if nowhere := sorted(sizes.keys() - files.keys()):
         raise ConfigurationError(f"A size is given for point {nowhere[0]}, and no press to play there.")
-    own = {point: acquisition.load_press(paths, method) for point, paths in files.items()}
+    own = {point: load_press(paths, method) for point, paths in files.items()}
     return {**{point: (press, sizes.get(point, 1.0)) for point, press in own.items()}, **silent}
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ... import acquisition
+from ...acquisition import refuse_name
 from ...base.errors import ConfigurationError
 from ...base.progress import Progress, prefixed, silent
 from ...instruments import Rig, RigFile
@@ -57,7 +57,7 @@ def calibrate_finger(
         raise ConfigurationError("Give a calibration of the bare table: this one is a finger's already.")
     if (response.rig, response.simulated) != (rig.name, rig.simulated):
         raise ConfigurationError(f"The calibration is of another rig, {response.rig!r}: calibrate this one.")
-    acquisition.refuse_name(participant)
+    refuse_name(participant)
     refuse_force(force)
     points = tuple(dict.fromkeys([beside] if isinstance(beside, str) else beside))
     if plate is not None and not points:

@@ -26,11 +26,11 @@ from ...calibration import (
 from ...calibration.drive import Method, check, offered
 from ...calibration.model import calibration_of
 from ...calibration.perception import Sensation, lab_threshold, pressing_act
-from ...exchange.live import published
 from ...instruments import Rig, load_rig_file, open_rig
 from ...instruments.driver import Mode
 from ...instruments.sensors import loss
 from ...reports.contents import forces_in
+from ..live_views import published
 from .report import BUTTONS, PRESSES, ButtonResult, Demo, report, summarise
 
 _RESULTS = (

@@ -28,8 +28,8 @@ from ...base.errors import DataError, HaploopError
 from ...base.hdf5 import kind_of
 from ...calibration import Calibration, VibrationMap, Waveforms
 from ...calibration.map import MapFolder
-from ...exchange.catalogue import Member, lineage, list_files
 from ...experiments.shown import experiment_contents
+from ...reports.catalogue import Member, lineage, list_files
 from ...reports.contents import night
 from ..data_folder import DataFolder, store_of
 from .lab import lab, names, of_experiment, pace

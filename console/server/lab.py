@@ -13,8 +13,8 @@ import numpy as np
 
 from ...acquisition import Recording, load_study
 from ...base.errors import DataError, HaploopError
-from ...exchange.catalogue import list_files
 from ...experiments import Assignment, Course, Step, Store, StoredSession, group_of_slot
+from ...reports.catalogue import list_files
 from ...reports.contents import counted
 from ..data_folder import DataFolder
 

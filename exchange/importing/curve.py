@@ -18,9 +18,9 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
+from ...acquisition.presses import FEWEST, Curve, Point, each_travel
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError, DataError
-from ..curve import FEWEST, Curve, Point, each_travel
 from .understood import Understanding
 
 _DEEP, _NOISE = 0.08, 6.0

@@ -8,6 +8,7 @@ from .check import check_contents as check_contents
 from .check import crosstalk_facts as crosstalk_facts
 from .check import other_facts as other_facts
 from .check import silence_facts as silence_facts
+from .curve import curve_contents as curve_contents
 from .feeling import feeling_values as feeling_values
 from .files import contents_of as contents_of
 from .files import file_contents as file_contents
@@ -48,8 +49,6 @@ from .rig import log_contents as log_contents
 from .study import forces_contents as forces_contents
 from .study import study_contents as study_contents
 from .study import study_figures as study_figures
-from .understanding import curve_contents as curve_contents
-from .understanding import understanding_contents as understanding_contents
 from .words import ANSWERS_SIMULATED as ANSWERS_SIMULATED
 from .words import counted as counted
 from .words import fixed as fixed

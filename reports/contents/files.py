@@ -13,9 +13,9 @@ from ... import acquisition, calibration
 from ...base import hdf5
 from ...base.errors import DataError
 from ...base.wording import capital
-from ...exchange.catalogue import Entry, stated
-from ...exchange.loading import RESULTS, read_result
 from .. import contents
+from ..catalogue import Entry, stated
+from ..loading import RESULTS, read_result
 from .parts import Contents, Grid, fact
 from .words import counted
 

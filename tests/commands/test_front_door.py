@@ -19,7 +19,7 @@ WORK = {
     "study run": "load_study open_rig run_study",
     "study represent": "load_study acquisition.Study Representative",
     "represent": "Recording representative Representative",
-    "study process": "load_study exchange.process_study exchange.Processed",
+    "study process": "load_study acquisition.process_study acquisition.Processed",
     "study status": "load_study acquisition.Study",
     "study reject": "load_study acquisition.Study",
     "study repeat": "load_study acquisition.Study",
@@ -28,7 +28,7 @@ WORK = {
     "show": "reports.file_contents load_study",
     "report": "write_report",
     "figures": "reports.write_figures reports.PaperFigures",
-    "list": "list_files exchange.Entry",
+    "list": "list_files reports.Entry",
     "calibrate": (
         "open_rig calibrate calibration.calibrate_finger Calibration calibration.calibration_of "
         "load_calibrations calibration.VibrationMap"

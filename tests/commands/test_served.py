@@ -173,7 +173,7 @@ def test_the_meter_shows_names_as_they_are():
     import numpy as np
     from rich.console import Console
 
-    from haploop.exchange.live import show_meter
+    from haploop.commands.live_views import show_meter
     from haploop.instruments import Block, Sensors
     from haploop.instruments.live import Feed, Run
 

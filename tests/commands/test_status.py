@@ -3,7 +3,7 @@
 import pytest
 
 from haploop.commands.status import Found, next_steps
-from haploop.exchange.catalogue import Entry
+from haploop.reports.catalogue import Entry
 
 
 def entry(kind: str, file: str, button: str = "", verdict: str = "") -> Entry:

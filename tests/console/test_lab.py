@@ -8,7 +8,7 @@ import pytest
 
 from haploop.console.data_folder import DataFolder
 from haploop.console.server.lab import lab, names
-from haploop.exchange.catalogue import index
+from haploop.reports.catalogue import index
 
 
 @pytest.fixture

@@ -99,9 +99,10 @@ def test_a_person_at_a_terminal_is_asked(run, written, tmp_path, monkeypatch):
     no_header(path, written)
     answers = iter(["5000", "1", "N"])
     asked: list[str] = []
-    monkeypatch.setattr("haploop.commands.importing._at_a_terminal", lambda: True)
+    monkeypatch.setattr("haploop.exchange.commands.importing._at_a_terminal", lambda: True)
     monkeypatch.setattr(
-        "haploop.commands.importing._ask", lambda question: asked.append(question.what) or next(answers)
+        "haploop.exchange.commands.importing._ask",
+        lambda question: asked.append(question.what) or next(answers),
     )
     saved = tmp_path / "lab.toml"
     shown = run("import", path, "--save-mapping", saved)

@@ -18,7 +18,7 @@ from haploop.acquisition.recording.streams import _arrivals, _line, read_streams
 from haploop.base.errors import ConfigurationError, DataError, InstrumentError
 from haploop.instruments import load_rig_file
 from haploop.mocks.streams import DRIFT, OFFSET
-from tests.exchange.test_lsl import loopback
+from tests.commands.test_lsl import loopback
 from tests.raising import raises
 
 RIG = """

@@ -9,7 +9,7 @@ import pytest
 
 POOL = """
 import os, time
-from haploop.exchange.processing import worker_pool
+from haploop.base.workers import worker_pool
 
 def endless(_number):
     print(os.getpid(), flush=True)

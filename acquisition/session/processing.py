@@ -10,40 +10,31 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-import multiprocessing
 import os
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import metadata
 from itertools import islice
 from pathlib import Path
-from threading import Thread
 from typing import Any
 
 import numpy as np
 
-from .. import __version__
-from ..acquisition import (
-    AverageMethod,
-    Representative,
-    Study,
-    content_hash,
-    open_part,
-    representative,
-    with_presses,
-)
-from ..base.entry_points import optional
-from ..base.errors import ConfigurationError, DataError, InstrumentError
-from ..base.files import check_destination, new_file, private_files
-from ..base.json_files import read_json, write_json
-from ..base.marks import marked
-from ..base.progress import Progress, silent
-from .csv_file import write_rows
-from .press_rows import COLUMNS, press_table
+from ...base.entry_points import optional
+from ...base.errors import ConfigurationError, DataError, InstrumentError
+from ...base.files import check_destination, new_file, private_files
+from ...base.json_files import read_json, write_json
+from ...base.marks import marked
+from ...base.progress import Progress, silent
+from ...base.workers import worker_pool
+from ..presses import PRESS_COLUMNS, AverageMethod, Representative, press_rows, representative, write_rows
+from ..recording import content_hash
+from .study import Study, open_part, with_presses
 
 _ALONE = 8
 """Tasks up to which one process computes them: starting others takes as long."""
@@ -132,7 +123,9 @@ class _Task:
         beside = {path.parent / "rejections.json" for path in self.paths}
         files = [*self.paths, *(path for path in beside if path.is_file())]
         seen = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files]
-        return hashlib.sha256(json.dumps([__version__, self.method, seen]).encode()).hexdigest()
+        return hashlib.sha256(
+            json.dumps([metadata.version("haploop"), self.method, seen]).encode()
+        ).hexdigest()
 
     @property
     def done(self) -> bool:
@@ -206,7 +199,7 @@ def _tasks(study: Study, folder: Path) -> tuple[list[_Task], list[_Task]]:
 def _work(study: str, paths: tuple[Path, ...], method: AverageMethod, rows: bool) -> _Result:
     """What a worker does: rows, the representative press, and why there is none."""
     recordings = [open_part(path, study) for path in paths]
-    table = [dict(row) for row in press_table("", recordings, {}).rows] if rows else []
+    table = list(press_rows(recordings)) if rows else []
     try:
         return table, representative(list(with_presses(recordings)), method=method), ""
     except (ConfigurationError, DataError) as error:
@@ -294,7 +287,7 @@ def _write_presses(path: Path, parts: Sequence[_Task]) -> int:
     with new_file(path) as new, new.open("w", encoding="utf-8", newline="") as file:
         for task in parts:
             rows = task.load_rows()
-            write_rows(file, COLUMNS, rows, headings=count == 0 and task is parts[0])
+            write_rows(file, PRESS_COLUMNS, rows, headings=count == 0 and task is parts[0])
             count += len(rows)
     return count
 
@@ -321,31 +314,3 @@ def _write_statistics(path: Path, parts: Sequence[_Task]) -> None:
 def _moments(values: Sequence[float]) -> tuple[int, str, str]:
     deviation = f"{np.std(values, ddof=1):.9g}" if len(values) > 1 else ""
     return len(values), f"{np.mean(values):.9g}", deviation
-
-
-# Processes that work through a list of files side by side.
-
-
-def worker_pool(count: int | None, *needs: str) -> ProcessPoolExecutor:
-    """Create a pool of `count` processes, None for one a core, that have these modules loaded.
-
-    Each worker is forked from a process that has loaded them and does nothing else: spawned, each would
-    load them anew (on Windows they are). Not from this one, because a fork would take the threads' locks of
-    the HDF5 library along. Workers end when this process does, however it ends.
-    """
-    forks = "forkserver" in multiprocessing.get_all_start_methods()
-    context = multiprocessing.get_context("forkserver" if forks else "spawn")
-    if forks:
-        context.set_forkserver_preload([*needs])
-    return ProcessPoolExecutor(count, context, initializer=_begin)
-
-
-def _begin() -> None:
-    Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import haploop
-from haploop.acquisition import content_hash
-from haploop.exchange import process_study, processing
+from haploop.acquisition import content_hash, process_study
+from haploop.acquisition.session import processing
 from tests import forked
 
 STUDY = """

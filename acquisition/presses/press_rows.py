@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import csv
+from collections.abc import Iterable, Iterator, Mapping
 from types import MappingProxyType
+from typing import TextIO
 
 import numpy as np
 
-from ..acquisition import ButtonPress, PressVerdict, Recording, find_presses, high_pass
-from ..base.arrays import FloatArray
-from .views import About, Cell, PressTable
+from ...base.arrays import FloatArray
+from ..recording import PressVerdict, Recording
+from .filtering import high_pass
+from .segmentation import ButtonPress, find_presses
 
-COLUMNS: Mapping[str, str] = MappingProxyType(
+Cell = str | float | int | bool | None
+
+PRESS_COLUMNS: Mapping[str, str] = MappingProxyType(
     {
         "study": "",
         "session": "",
@@ -49,10 +54,10 @@ what told the activation: "activation" (the contact), "force", "displacement", "
 """
 
 
-def press_table(title: str, recordings: Iterable[Recording], about: About) -> PressTable:
-    """Rows of the presses of several recordings, in their order. Raises DataError."""
-    rows = [row for recording in recordings for row in _rows(recording)]
-    return PressTable(title, COLUMNS, tuple(rows), about)
+def press_rows(recordings: Iterable[Recording]) -> Iterator[dict[str, Cell]]:
+    """Yield a row for each press of several recordings, in their order. Raises DataError."""
+    for recording in recordings:
+        yield from _rows(recording)
 
 
 def _rows(recording: Recording) -> list[dict[str, Cell]]:
@@ -82,7 +87,7 @@ def _row(
     moved: FloatArray | None,
 ) -> dict[str, Cell]:
     header, rate_hz = recording.header, recording.rate_hz
-    row: dict[str, Cell] = dict.fromkeys(COLUMNS)
+    row: dict[str, Cell] = dict.fromkeys(PRESS_COLUMNS)
     row |= {
         "study": header.study,
         "session": header.session,
@@ -127,3 +132,21 @@ def _row(
             "centroid_hz": float(np.fft.rfftfreq(len(own), 1 / rate_hz) @ power / power.sum()),
         }
     return row
+
+
+def write_rows(
+    file: TextIO, columns: Iterable[str], rows: Iterable[Mapping[str, Cell]], headings: bool = True
+) -> None:
+    """Write rows into an open file (newline=""), with a line of headings before them or without."""
+    writer = csv.DictWriter(file, list(columns))
+    if headings:
+        writer.writeheader()
+    for row in rows:
+        writer.writerow({name: _cell(value) for name, value in row.items()})
+
+
+def _cell(value: Cell) -> Cell:
+    """A text that a spreadsheet would take for a formula gets an apostrophe before it."""
+    if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return f"'{value}"
+    return "" if value is None else value

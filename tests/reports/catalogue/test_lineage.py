@@ -7,8 +7,8 @@ import pytest
 
 import haploop
 from haploop.calibration import Check, DigitalButton
-from haploop.exchange.catalogue import Entry, Lineage, lineage
-from haploop.exchange.catalogue.entry import Source, packed
+from haploop.reports.catalogue import Entry, Lineage, lineage
+from haploop.reports.catalogue.entry import Source, packed
 
 
 @pytest.fixture

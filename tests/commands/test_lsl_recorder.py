@@ -10,7 +10,7 @@ import pytest
 
 import haploop
 from haploop.acquisition import Recording
-from tests.exchange.test_lsl import loopback
+from tests.commands.test_lsl import loopback
 
 OURS = "haploop simulated record"
 EEG = """

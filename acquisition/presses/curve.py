@@ -10,10 +10,10 @@ from typing import Self
 import numpy as np
 import scipy
 
-from ..base import hdf5
-from ..base.arrays import FloatArray
-from ..base.errors import DataError
-from ..base.notebook import InNotebook
+from ...base import hdf5
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
+from ...base.notebook import InNotebook
 
 FEWEST = 20
 """Rows of a stroke that show a curve."""

@@ -23,7 +23,7 @@ from platformdirs import user_cache_path
 from ...base.errors import ConfigurationError
 from ...base.files import paths_of
 from ...base.progress import Progress, silent
-from ..processing import worker_pool
+from ...base.workers import worker_pool
 from .entry import KINDS, Entry, entry_of
 
 _NAMES = [field.name for field in fields(Entry)]

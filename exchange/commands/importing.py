@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..base.wording import capital
-from ..reports import contents, outputs, show
-from ..terminal.progress import Steps, note, print_json, print_line
-from . import public as haploop
-from .options import JSON, PATH, PICTURE, RIG, FiniteRange
+from ...base.wording import capital
+from ...commands import public as haploop
+from ...commands.options import JSON, PATH, PICTURE, RIG, FiniteRange
+from ...reports import contents, outputs, show
+from ...terminal.progress import Steps, note, print_json, print_line
+from .. import shown
 
 if TYPE_CHECKING:
-    from ..exchange import FileMapping, Understanding
-    from ..exchange.importing import Question
+    from ..importing import FileMapping, Question, Understanding
 
 _FORMATS = (
     "csv", "wav", "mat", "hdf5", "netcdf", "nwb", "numpy", "parquet", "tdms", "xdf", "xlsx", "uff", "sep005",
@@ -149,13 +149,13 @@ def import_(
         found.mapping.save(save_mapping)
         note(f"Saved for the next files: --mapping {save_mapping}.")
     if out is None:
-        show.print_contents(contents.understanding_contents(found), as_json, plot)
+        show.print_contents(shown.understanding_contents(found), as_json, plot)
         return 0
     path = haploop.exchange.destination(files[0].stem, out) if _into_folder(files, out) else out
     with _patience("Importing", files[0]):
         haploop.import_file(found, path, at)
     if plot is not None:
-        outputs.save_picture(contents.understanding_contents(found).draw(), plot, False)
+        outputs.save_picture(shown.understanding_contents(found).draw(), plot, False)
     said_there = contents.file_contents(path)
     if not as_json and said_there.kind not in ("recording", "curve"):  # which keep them
         for sentence in found.notes:
@@ -207,7 +207,7 @@ def _asked(path: Path, mapping: FileMapping) -> Understanding:
         found = haploop.exchange.understand(path, haploop.exchange.named(path, mapping))
     if not (_at_a_terminal() and found.questions):
         return found
-    show.print_contents(contents.understanding_contents(found), False)
+    show.print_contents(shown.understanding_contents(found), False)
     while found.questions:
         found = haploop.exchange.understand(
             path, found.answered(found.questions[0], _ask(found.questions[0]))

@@ -1,7 +1,7 @@
 """`haploop.load`: one function for every kind of file, and a string is a path wherever a list is taken."""
 
 import haploop
-from haploop.exchange.catalogue import index as catalogue_index
+from haploop.reports.catalogue import index as catalogue_index
 from tests.raising import raises
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import haploop
-from haploop.exchange.live import Stamps, find, published
+from haploop.commands.live_views import Stamps, find, published
 from haploop.instruments.live import Run
 from haploop.instruments.safety import state_folder
 from haploop.instruments.sensors import Sensors

@@ -13,8 +13,8 @@ import pytest
 import haploop
 from haploop.acquisition import Recording
 from haploop.acquisition.recording import Rejection, add_rejections
-from haploop.exchange.catalogue import index as catalogue_index
 from haploop.experiments import load_experiment
+from haploop.reports.catalogue import index as catalogue_index
 from tests.calibration.conftest import make_press
 from tests.exchange.conftest import make_check, make_drive
 
@@ -41,7 +41,7 @@ def index(tmp_path: Path) -> Path:
     return tmp_path / "cache" / "index.sqlite3"
 
 
-def names(entries: tuple[haploop.exchange.Entry, ...]) -> list[str]:
+def names(entries: tuple[haploop.reports.Entry, ...]) -> list[str]:
     return [Path(entry.file).name for entry in entries]
 
 

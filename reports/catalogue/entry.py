@@ -84,10 +84,9 @@ def entry_of(path: str) -> Entry | None:
 
 def _hdf5(path: Path) -> Entry | None:
     # Here, because a catalogue without new files needs none of it.
-    from ...acquisition import Recording, Representative, content_hash  # noqa: PLC0415
+    from ...acquisition import Curve, Recording, Representative, content_hash  # noqa: PLC0415
     from ...base import hdf5  # noqa: PLC0415
     from ...calibration import Calibration  # noqa: PLC0415
-    from ..curve import Curve  # noqa: PLC0415
 
     with path.open("rb") as file:
         start = file.read(1024)

@@ -8,7 +8,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any, overload
 
-from .. import acquisition, calibration, exchange
+from .. import acquisition, calibration
 from ..base import hdf5
 from ..base.errors import DataError
 
@@ -22,7 +22,7 @@ RESULTS: Mapping[str, Callable[[], Any]] = {
     "button": lambda: calibration.DigitalButton,
     "map": lambda: calibration.VibrationMap,
     "plan": lambda: calibration.ButtonPlan,
-    "curve": lambda: exchange.Curve,
+    "curve": lambda: acquisition.Curve,
 }
 """Gives the class of a kind of result: only what a file holds is imported."""
 
