@@ -1,6 +1,6 @@
 """The public names of `haploop`, as a script has them: commands are clients of the package.
 
-They are looked up when a command uses them, so that `haploop --help` loads none. `front.pyi` is what type
+They are looked up when a command uses them, so that `haploop --help` loads none. `public.pyi` is what type
 checkers and editors read.
 """
 
