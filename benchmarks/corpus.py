@@ -30,7 +30,7 @@ WORK = """
 import re, sys, time
 from pathlib import Path
 import haploop
-from haploop.exchange import processing
+from haploop.acquisition.session import processing
 study = haploop.load_study(sys.argv[1])
 parts, wholes = processing._tasks(study, Path(sys.argv[1], "out"))
 tasks = parts if sys.argv[2] == "parts" else wholes
