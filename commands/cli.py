@@ -7,10 +7,10 @@ that `haploop --help` is fast.
 from __future__ import annotations
 
 import sys
-from pkgutil import resolve_name
 
 import click
 
+from ..reports import satellites
 from ..terminal.exits import Commands, usable_streams
 from ..terminal.progress import print_line
 from .button import button
@@ -30,17 +30,9 @@ from .table import calibrate, check
 from .tape import tape
 from .twin import twin
 
-_serve, _experiment, _analyse, _export, _import = map(
-    resolve_name,
-    (
-        "haploop.console.command:serve",
-        "haploop.experiments.commands.experiment:experiment",
-        "haploop.experiments.commands.analyse:analyse",
-        "haploop.exchange.commands.export:export",
-        "haploop.exchange.commands.importing:import_",
-    ),
+_serve, _experiment, _analyse, _export, _import = (
+    satellites.owned(f"command {name}") for name in ("serve", "experiment", "analyse", "export", "import")
 )
-"""Commands of the rooms that stand on this one; nothing else here names them."""
 
 
 @click.group(

@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from ..reports import contents, outputs
+from ..reports import contents, outputs, satellites
 from ..terminal.browser import open_page
 from ..terminal.progress import print_line
 from . import public as haploop
@@ -190,7 +190,7 @@ def _study(name: str, said: Mapping[str, Any]) -> str:
 
 
 def _experiment(buttons: Sequence[str]) -> str:
-    text = haploop.experiments.load_experiment("matching").path.read_text(encoding="utf-8")
+    text = satellites.owned("folder experiment")("matching").path.read_text(encoding="utf-8")
     levels = f"levels = {json.dumps(list(buttons))}"
     return re.sub(r"^levels = \[.*\"latch\".*\]$", levels, text, count=1, flags=re.MULTILINE)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..reports import contents
+from ..reports import contents, satellites
 from ..terminal.progress import Steps, print_line
 from . import public as haploop
 
@@ -117,10 +117,7 @@ def _sessions(entries: Sequence[Entry], here: Path) -> Iterator[tuple[str, str]]
     for folder in (Path(entry.file).parent for entry in entries if entry.kind == "experiment"):
         name = folder.relative_to(here).as_posix()
         try:
-            store = haploop.experiments.Store(haploop.experiments.load_experiment(folder), folder / "answers")
-            if not store.participants():
-                yield name, ""
-            yield from ((name, one.assignment.participant) for one in store.unfinished())
+            yield from ((name, participant) for participant in satellites.owned("due experiment")(folder))
         except haploop.HaploopError:
             continue
 

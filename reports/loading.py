@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from pkgutil import resolve_name
 from typing import Any, overload
 
 from .. import acquisition, calibration
 from ..base import hdf5
 from ..base.errors import DataError
+from .satellites import owned
 
 RESULTS: Mapping[str, Callable[[], Any]] = {
     "recording": lambda: acquisition.Recording,
@@ -29,7 +29,7 @@ RESULTS: Mapping[str, Callable[[], Any]] = {
 FOLDERS: Mapping[str, Callable[[], Callable[[Path], Any]]] = {
     "map.json": lambda: calibration.VibrationMap.load,
     "study.toml": lambda: acquisition.load_study,
-    "experiment.toml": lambda: resolve_name("haploop.experiments:load_experiment"),
+    "experiment.toml": lambda: owned("folder experiment"),
 }
 """Gives what reads a folder that holds a file of this name."""
 

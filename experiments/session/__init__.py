@@ -13,4 +13,5 @@ from .store import EventLog as EventLog
 from .store import Store as Store
 from .store import StoredSession as StoredSession
 from .store import Withdrawal as Withdrawal
+from .store import due_sessions as due_sessions
 from .store import read_log as read_log

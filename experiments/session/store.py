@@ -23,7 +23,7 @@ from ...base.files import os_error_text
 from ...base.line_files import Line, LineFile, Mark, check_mark, read_lines, read_marks, write_marks
 from ...base.marks import InUse
 from ...instruments.safety import hold
-from ..protocol import Answer, Assignment, Course, Experiment, Step, group_of_slot, valid
+from ..protocol import Answer, Assignment, Course, Experiment, Step, group_of_slot, load_experiment, valid
 
 # The log of a session: one line an event, durable before the next thing happens.
 #
@@ -375,3 +375,12 @@ def _head(path: Path, event: Event) -> Mapping[str, Any]:
     if event.kind == "start" and all(type(event.values.get(key)) is kind for key, kind in kinds.items()):
         return event.values
     raise DataError(f"{path} does not begin as a session does: restore the file from a copy.")
+
+
+def due_sessions(folder: Path) -> tuple[str, ...]:
+    """Return who began a session of an experiment and did not complete it; "" where nobody has answered.
+
+    Raises ConfigurationError and DataError for an experiment, or answers, that cannot be read.
+    """
+    store = Store(load_experiment(folder), folder / "answers")
+    return tuple(one.assignment.participant for one in store.unfinished()) if store.participants() else ("",)

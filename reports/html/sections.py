@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from pkgutil import resolve_name
 
 from ...acquisition import Representative, content_hash, load_study
 from ...base import hdf5
@@ -22,16 +21,11 @@ from ..contents import (
     study_figures,
 )
 from ..figures import Columns, encode
+from ..satellites import owned
 from .page import CaptionedFigure
 
 _ORDER = ("forces", "presses", "pressed", "map", "response", "plan", "drives", "check", "motion", "feeling")
 """Names of figures in the order in which they stand in a report; others follow."""
-
-_ELSEWHERE = {
-    "answers": "haploop.experiments.shown:answers_section",
-    "experiment": "haploop.experiments.shown:experiment_section",
-}
-"""Who makes the section of what belongs to a room that stands on this one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +51,9 @@ def contents_at(path: Path) -> Contents:
 def read_section(path: Path, presses: Sequence[Representative] = ()) -> Section:
     """Read a result, a study, or a table of answers; a check beside its press. Raises DataError."""
     if path.suffix.lower() == ".csv":
-        return _elsewhere("answers", path)
+        return _owned("answers", path)
     if path.name == "experiment.toml" or (path / "experiment.toml").is_file():
-        return _elsewhere("experiment", path.parent if path.name == "experiment.toml" else path)
+        return _owned("experiment", path.parent if path.name == "experiment.toml" else path)
     if path.suffix == ".toml" or (path.is_dir() and (path / "study.toml").is_file()):
         return _study(path)
     if is_history(path):
@@ -87,8 +81,8 @@ def read_sections(files: Sequence[Path], progress: Progress) -> list[Section]:
     return list(sections.values())
 
 
-def _elsewhere(kind: str, path: Path) -> Section:
-    section: Callable[[Path], Section] = resolve_name(_ELSEWHERE[kind])
+def _owned(kind: str, path: Path) -> Section:
+    section: Callable[[Path], Section] = owned(f"section {kind}")
     return section(path)
 
 
