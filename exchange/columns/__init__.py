@@ -3,7 +3,7 @@
 from .readers import FORMATS, format_of, read_table
 from .start_times import LABVIEW_EPOCH, Start, instant, since_epoch, zone_of
 from .table import Column, Labels, Stated, Table
-from .text_rows import is_blank
+from .text_cells import is_blank
 from .tree_table import has_responses, read_responses
 from .units import SI, WEIGHTS, per_unit, unit_of, units_of
 

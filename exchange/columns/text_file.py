@@ -14,9 +14,10 @@ from ...base.errors import DataError
 from ..views import read_sidecar
 from .start_times import Start, clock_of, instant, since_epoch, stated_start, zone_in
 from .table import Column, Labels, Stated, Table, together
+from .text_cells import decoded, is_blank, is_number, measured, plain_number
 from .text_head import Head, beside, enter_unit, head_of
 from .text_rates import is_stamp, seconds_of, stated_rates, unclear
-from .text_rows import Body, body_of, decoded, is_blank, is_number, measured, plain_number
+from .text_rows import Body, body_of
 from .units import Unit, is_time, unit_of, units_of
 
 _LABELLED = re.compile(

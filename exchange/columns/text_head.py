@@ -11,8 +11,9 @@ from pathlib import Path
 
 from ...base.errors import DataError
 from .start_times import order_of, zones_of
+from .text_cells import is_blank, is_number, plain_number
 from .text_rates import is_stamp
-from .text_rows import Body, is_blank, is_number, plain_number
+from .text_rows import Body
 from .units import factor_in, is_factor, is_time, split_heading, unit_of, units_of
 
 _MARKS = "#%;/!\"' "
@@ -192,37 +193,18 @@ def _is_named(head: Head, place: int, name: str) -> bool:
 def _headings(
     path: Path, body: Body, head: Head, rows: Sequence[list[str]], filled: Sequence[list[str]]
 ) -> None:
-    """Names and units of the last rows above the body."""
+    """Names and units of the last rows above the body: names, or names and below them units or more names."""
     levels = [_shaped(row, body) for row in rows[-3:]]
     index: dict[int, str] = {}
     if len(levels) > 1 and rows[-1] and (only := _of_index(rows[-1], body)) and levels[-2]:
         index, levels = only, levels[:-1]  # pandas: names of the index, below the headings
-    last = levels[-1] if levels else None
-    units: dict[int, str] = {}
-    over = levels[-2] if len(levels) > 1 else None
-    named = over is not None and not any(re.search(r"\d[.]\d|[:=]", cell) for cell in over.values())
-    if last and named and _are_units([last[place] for place in body.columns]):
-        units = {n: cell.strip("()[] ") for n, cell in last.items() if cell and not _NO_UNIT.fullmatch(cell)}
+    if units := _unit_row(levels, body):
         levels = levels[:-1]
-        last = levels[-1]
-    elif last and not _are_names(last, body):
-        last = None
-    if last is None:
-        row = [cell for cell in (rows[-1] if rows else []) if cell]
-        wide = len(body.columns)
-        if body.shape.startswith("commas") and 2 <= len(row) == len(rows[-1]) < wide <= 2 * len(row):
-            raise DataError(
-                f"{path} has {len(row)} headings over {wide} columns: where commas stand both in numbers and "
-                "between them, they cannot be told apart, so export it with semicolons or tabs."
-            )
-        if row and len(filled) and filled[-1] == rows[-1]:
-            said = " ".join(row)[:40]
-            head.notes.append(
-                f"The line above the rows ({said!r}) does not name {wide} columns, and was left out."
-            )
+    last, over = (levels[-1] if levels else None), (levels[-2] if len(levels) > 1 else None)
+    if last is None or (not units and not _are_names(last, body)):
+        _tell_unnamed(path, body, head, rows, filled)
         return
-    over = levels[-2] if len(levels) > 1 and not units else None
-    join = over is not None and _are_names(over, body) and _continues(rows, body)
+    join = not units and over is not None and _are_names(over, body) and _continues(rows, body)
     for place, cell in {**last, **index}.items():
         name, unit = split_heading(cell)
         head.also[place] = (cell,)
@@ -235,6 +217,34 @@ def _headings(
             head.units[place] = unit
     for place, unit in units.items():
         enter_unit(head, place, unit, "the row of units")
+
+
+def _unit_row(levels: Sequence[dict[int, str] | None], body: Body) -> dict[int, str]:
+    """Units by place, where the last row is one of units and the one above it may be one of names."""
+    last, over = (levels[-1], levels[-2]) if len(levels) > 1 else (None, None)
+    if not last or over is None or any(re.search(r"\d[.]\d|[:=]", cell) for cell in over.values()):
+        return {}
+    if not _are_units([last[place] for place in body.columns]):
+        return {}
+    return {n: cell.strip("()[] ") for n, cell in last.items() if cell and not _NO_UNIT.fullmatch(cell)}
+
+
+def _tell_unnamed(
+    path: Path, body: Body, head: Head, rows: Sequence[list[str]], filled: Sequence[list[str]]
+) -> None:
+    """Note that the line above the rows names no columns; raise DataError where it may, by other commas."""
+    row = [cell for cell in (rows[-1] if rows else []) if cell]
+    wide = len(body.columns)
+    if body.shape.startswith("commas") and 2 <= len(row) == len(rows[-1]) < wide <= 2 * len(row):
+        raise DataError(
+            f"{path} has {len(row)} headings over {wide} columns: where commas stand both in numbers and "
+            "between them, they cannot be told apart, so export it with semicolons or tabs."
+        )
+    if row and len(filled) and filled[-1] == rows[-1]:
+        said = " ".join(row)[:40]
+        head.notes.append(
+            f"The line above the rows ({said!r}) does not name {wide} columns, and was left out."
+        )
 
 
 def _continues(rows: Sequence[list[str]], body: Body) -> bool:

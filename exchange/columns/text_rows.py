@@ -10,12 +10,10 @@ between them cannot be told: that is refused.
 
 from __future__ import annotations
 
-import codecs
 import csv
-import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,18 +21,9 @@ import numpy as np
 
 from ...base.arrays import FloatArray
 from ...base.errors import DataError
+from .text_cells import is_blank, is_number, measured
 from .text_rates import is_stamp
-from .units import units_of
 
-_GROUPED = r"[1-9]\d{0,2}(?:,\d{3})+\.\d*"
-"""A number with its thousands apart, and a point that says which sign is which."""
-_POINT = re.compile(rf"\s*[-+]?\s*(?:{_GROUPED}|\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
-_COMMA = re.compile(r"\s*[-+]?\s*(?:[1-9]\d{0,2}(?:\.\d{3})+,\d*|\d+(?:,\d+)?|,\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
-_MEASURED = re.compile(
-    r"\s*(?P<number>[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?)(?P<space>\s*)(?P<unit>[^\s\d.,:;+-].{0,15}?)\s*\Z"
-)
-_BLANKS = {"", *"- -- --- nan na n/a #n/a #nv null none 1.#qnan -1.#ind inf -inf".split()}  # noqa: SIM905
-_BLANKS |= {"#div/0!", "#num!", "#zahl!", "#value!", "#wert!", "#ref!", "#bezug!", "#name?"}
 _OTHER = re.compile(r"[-+]?\d[\d.]*,\d+|[-+]?\d+\.\d+")
 _AMBIGUOUS = re.compile(r"[-+]?\d+,\d+\Z")
 _CLOCK = re.compile(r"(?<!\d)(\d{1,2}:\d{2}:\d{3}|\d{1,2}:\d{2}:\d{2}[:;]\d{2})(?!\d)")
@@ -77,61 +66,6 @@ class Body:
     damaged: tuple[int, ...] = ()
     """Numbers of rows, from 0 at the body's first, that were left out; their cells are blank."""
     notes: tuple[str, ...] = ()
-
-
-def decoded(path: Path) -> str:
-    """Text in UTF-8, UTF-16 with its mark, or Windows-1252, as spreadsheets write. Raises DataError.
-
-    A minus sign (U+2212) and blanks between thousands (U+00A0, U+202F), of some languages, become plain.
-    """
-    text = _decoded(path)
-    if "\u2212" in text:
-        text = text.replace("\u2212", "-")
-    if "\u00a0" in text or "\u202f" in text:
-        text = re.sub("(?<=\\d)[\u00a0\u202f](?=\\d{3}(?!\\d))", "", text)
-    return text
-
-
-def _decoded(path: Path) -> str:
-    raw = path.read_bytes()
-    try:
-        if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-            return raw.decode("utf-16")
-        if b"\0" in raw[:4096]:
-            raise DataError(f"{path} is no text: say what it is (--from).")
-        return raw.decode("utf-8-sig").replace("\r\r\n", "\n")  # written twice through a text mode
-    except UnicodeDecodeError:
-        return raw.decode("cp1252", errors="replace")
-
-
-def is_blank(cell: str) -> bool:
-    """True for a cell without a value."""
-    return cell.strip().lower() in _BLANKS
-
-
-def is_number(cell: str, decimal: str = ".") -> bool:
-    """True for a number with this decimal sign."""
-    if decimal == "." and "_" not in cell:
-        try:  # most cells, quickly
-            return math.isfinite(float(cell))
-        except ValueError:
-            pass
-    return (_COMMA if decimal == "," else _POINT).match(cell) is not None
-
-
-def plain_number(cell: str, decimal: str) -> str:
-    """As Python has it: a number of Fortran's, with blanks behind its sign, or with its thousands apart."""
-    thousands = "," if decimal == "." else "."
-    return cell.upper().replace("D", "E").replace(" ", "").replace(thousands, "").replace(decimal, ".")
-
-
-def measured(cell: str, decimal: str = ".") -> tuple[str, str] | None:
-    """Number and unit of a cell that holds both, as `2.31 N`; None for another. `2A` may be a name."""
-    match = _MEASURED.match(cell)
-    if match is None or not is_number(match["number"], decimal) or not units_of(match["unit"]):
-        return None
-    told = match["space"] or len(match["unit"]) > 1 or decimal in match["number"]
-    return (match["number"], match["unit"]) if told else None
 
 
 def body_of(path: Path, text: str, decimal: str | None = None, skip: bool = False) -> Body:
@@ -223,56 +157,91 @@ def numeric_rows(path: Path, rows: Sequence[list[str]], decimal: str, shape: str
     """The body of rows of cells, without damaged ones if `skip`. Raises DataError for those, and for none."""
     if max(map(len, rows), default=0) > _WIDEST:
         raise DataError(f"{path} has a row of more than {_WIDEST} cells: samples stand below each other.")
-    filled = [row for row in rows if any(cell.strip() for cell in row)]
+    filled = [row for row in rows if _is_filled(row)]
     middle = len(filled) // 2
     sample = filled[middle : middle + _SAMPLE]
     columns = _columns(sample, decimal)
     if not columns:
         raise DataError(f"{path} is no table of numbers: no row in its middle is one.")
+    _refuse_brackets(path, rows, columns)
+    first, end = _extent(path, rows, columns, decimal, min(_RUN, len(sample)))
+    above, within, below = rows[:first], rows[first:end], rows[end:]
+    usual = Counter(len(_stripped(row)) for row in sample).most_common(1)[0][0]
+    widest = max(usual, columns[-1] + 1, *map(len, above[-2:]), 0)
+    bad = [
+        number
+        for number, row in enumerate(within)
+        if not _is_row(row, columns, decimal) or len(_stripped(row)) > widest
+    ]
+    notes = []
+    if bad:
+        _refuse_damaged(path, rows, [first + number for number in bad], len(within), decimal, skip)
+        said = _said([first + number for number in bad], rows)
+        notes.append(f"Damaged and left out: {said}. Where they stood, nothing was measured.")
+    if after := [row for row in below if _is_filled(row)]:
+        notes.append(f"What follows the last row ({' '.join(after[0]).strip()[:40]!r}) was left out.")
+    gone, width = set(bad), max(map(len, within))
+    kept = [[] if number in gone else row for number, row in enumerate(within)]
+    whole = [row + [""] * (width - len(row)) for row in kept]
+    places = tuple(sorted({*columns, *_sparse(whole, columns, decimal)}))
+    return Body(above, whole, places, decimal, shape, damaged=tuple(bad), notes=tuple(notes))
+
+
+def _refuse_brackets(path: Path, rows: Sequence[list[str]], columns: tuple[int, ...]) -> None:
     closed = (row[place] for row in rows for place in columns if place < len(row) and "(" in row[place])
     if bracketed := next(filter(_BRACKETED.match, closed), None):
         raise DataError(
             f"{path} has numbers in brackets, like {bracketed.strip()}, which accountants write for negative "
             "ones: give them their signs."
         )
-    need = min(_RUN, len(sample))
+
+
+def _extent(
+    path: Path, rows: Sequence[list[str]], columns: tuple[int, ...], decimal: str, need: int
+) -> tuple[int, int]:
+    """Where the body begins and ends. Raises DataError where no `need` rows follow each other."""
     first = _first_run((_is_row(row, columns, decimal) for row in rows), need)
     if first is None:
         raise DataError(
             f"{path} is no table of numbers: nowhere do {need} rows of {len(columns)} follow each other."
         )
-    first -= _begins_earlier(rows[:first], columns, decimal)
     end = len(rows)
     while not _is_row(rows[end - 1], columns, decimal):  # blank lines, a footer, a line that was cut off
         end -= 1
-    usual = Counter(len(_stripped(row)) for row in sample).most_common(1)[0][0]
-    widest = max(usual, columns[-1] + 1, *(len(row) for row in rows[max(0, first - 2) : first]), 0)
-    bad = [
-        number
-        for number in range(first, end)
-        if not _is_row(rows[number], columns, decimal) or len(_stripped(rows[number])) > widest
-    ]
-    notes = []
+    return first - _begins_earlier(rows[:first], columns, decimal), end
+
+
+def _refuse_damaged(
+    path: Path, rows: Sequence[list[str]], bad: Sequence[int], of: int, decimal: str, skip: bool
+) -> None:
+    """Raise DataError for rows that are no numbers, unless `skip`, they are few, and none has other signs."""
     # A number with another decimal sign, or thousands, is not damaged.
-    other = [n for n in bad if any(_OTHER.fullmatch(c.strip()) for c in rows[n] if not is_number(c, decimal))]
-    if bad and not (skip and not other and len(bad) <= _TORN * (end - first)):
-        raise DataError(_stops(path, bad, rows, skip or bool(other)))
-    if bad:
-        notes.append(f"Damaged and left out: {_said(bad, rows)}. Where they stood, nothing was measured.")
-    if after := [row for row in rows[end:] if any(cell.strip() for cell in row)]:
-        notes.append(f"What follows the last row ({' '.join(after[0]).strip()[:40]!r}) was left out.")
-    gone = set(bad)
-    width = max(len(row) for row in rows[first:end])
-    body = [[] if first + n in gone else row for n, row in enumerate(rows[first:end])]
-    whole = [row + [""] * (width - len(row)) for row in body]
-    sparse = {
-        place for place in range(width) if place not in columns
-        and (cells := [row[place] for row in whole if not is_blank(row[place])])
-        and all(_value(cell, decimal) for cell in cells) and len(cells) > _SAMPLE
-    }  # fmt: skip
-    places = tuple(sorted({*columns, *sparse}))
-    return Body(rows[:first], whole, places, decimal, shape, damaged=tuple(n - first for n in bad),
-                notes=tuple(notes))  # fmt: skip
+    other = any(_OTHER.fullmatch(c.strip()) for n in bad for c in rows[n] if not is_number(c, decimal))
+    if skip and not other and len(bad) <= _TORN * of:
+        return
+    if skip or other:
+        raise DataError(
+            f"{path} has {len(bad)} rows that are no few damaged ones: {_said(bad, rows)}. Look "
+            "at the decimal sign of its numbers."
+        )
+    said = " ".join(rows[bad[0]]).strip()[:40]
+    more = f", and so do {len(bad) - 1} more rows" if len(bad) > 1 else ""
+    raise DataError(
+        f"{path} stops being a table in row {bad[0] + 1} ({said!r}){more}: repair it, or leave such rows out "
+        "as gaps (--skip-damaged)."
+    )
+
+
+def _sparse(rows: Sequence[list[str]], columns: tuple[int, ...], decimal: str) -> Iterator[int]:
+    """Places at which most rows are blank, and all others have numbers, dates or times."""
+    for place in set(range(len(rows[0]))) - set(columns):
+        cells = [row[place] for row in rows if not is_blank(row[place])]
+        if len(cells) > _SAMPLE and all(_value(cell, decimal) for cell in cells):
+            yield place
+
+
+def _is_filled(row: Sequence[str]) -> bool:
+    return any(cell.strip() for cell in row)
 
 
 def _first_run(flags: Iterable[bool], need: int) -> int | None:
@@ -383,18 +352,3 @@ def _is_row(row: list[str], columns: tuple[int, ...], decimal: str) -> bool:
 def _said(bad: Sequence[int], rows: Sequence[list[str]]) -> str:
     some = ", ".join(f"row {n + 1} ({' '.join(rows[n]).strip()[:30]!r})" for n in bad[:3])
     return f"{some} and {len(bad) - 3} more" if len(bad) > 3 else some
-
-
-def _stops(path: Path, bad: Sequence[int], rows: Sequence[list[str]], skip: bool) -> str:
-    """Sentence on rows amid others that are none."""
-    if skip:
-        return (
-            f"{path} has {len(bad)} rows that are no few damaged ones: {_said(bad, rows)}. Look "
-            "at the decimal sign of its numbers."
-        )
-    said = " ".join(rows[bad[0]]).strip()[:40]
-    more = f", and so do {len(bad) - 1} more rows" if len(bad) > 1 else ""
-    return (
-        f"{path} stops being a table in row {bad[0] + 1} ({said!r}){more}: repair it, or leave such rows out "
-        "as gaps (--skip-damaged)."
-    )

@@ -19,9 +19,10 @@ from ..views import About, read_sidecar
 from .contained import Tree, tree_of
 from .start_times import since_of, stated_start
 from .table import Column, Labels, Stated, Table, together
+from .text_cells import is_number, plain_number
 from .text_file import table_of
 from .text_rates import stated_by
-from .text_rows import is_number, numeric_rows, plain_number
+from .text_rows import numeric_rows
 from .units import doubt_beside, is_factor, is_time, split_heading, unit_of, units_of
 
 _START = re.compile(r"(wfstartoffset|startingtime|x0|xorg|xorigin|startvalue|tstart)\Z")
