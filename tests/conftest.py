@@ -1,13 +1,16 @@
 """The plugin that haploop ships gives the rig; two of its things have shorter names in this suite."""
 
 import gc
+import hashlib
 import importlib
 import os
 import re
 import signal
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import suppress
+from datetime import date
 from itertools import count
 from pathlib import Path
 
@@ -20,6 +23,8 @@ from haploop.mocks.pytest_plugin import OpenRig
 from tests.command_line import demo, no_columns, run
 
 __all__ = ["OpenRig", "demo", "no_columns", "run"]
+
+_LATE = "because no time was left"
 
 # An example takes as long as the machine is loaded.
 hypothesis.settings.register_profile("haploop", deadline=None)
@@ -36,6 +41,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--night", action="store_true", help="--long, further worlds and studies, every page of the documents"
     )
     parser.addoption("--skipped", metavar="FILE", help="=FILE: write names of skipped tests to it")
+    parser.addoption(
+        "--until",
+        type=float,
+        metavar="TIME",
+        help="skip what has not begun at this Unix time",
+    )
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
@@ -111,8 +122,12 @@ def pytest_collection(session: pytest.Session) -> None:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Long files first, and those that wait for a browser, so that no worker waits for them at the end;
-    `many_plays` on the twin only, unless --full."""
-    items.sort(key=lambda item: item.path.parent.name not in ("tests", "browser"))
+    `many_plays` on the twin only, unless --full. With --until, other files come first each day."""
+    if config.getoption("--until"):
+        day = date.today().isoformat()
+        items.sort(key=lambda item: hashlib.sha256(f"{day} {item.path.name}".encode()).digest())
+    else:
+        items.sort(key=lambda item: item.path.parent.name not in ("tests", "browser"))
     left_out = {}
     if config.getoption("--rig") == "wire":
         left_out["many_plays"] = "many plays: on the wire with --full only"
@@ -127,6 +142,21 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if any(map(item.get_closest_marker, ("long", "night"))) and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(1200))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Begin no test after `--until`."""
+    until = item.config.getoption("--until")
+    if until and time.time() > until:
+        pytest.skip(_LATE)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say how many tests were not begun for want of time."""
+    skipped = terminalreporter.stats.get("skipped", [])
+    if late := sum(_LATE in str(report.longrepr) for report in skipped):
+        terminalreporter.write_line(f"NOT RUN: {late} tests, {_LATE}.")
 
 
 def pytest_collection_finish() -> None:
