@@ -26,7 +26,7 @@ from .record import record, represent
 from .rig import doctor, log, reset, rig, schema
 from .status import status
 from .study import study
-from .table import calibrate, check
+from .table import calibrate, calibrate_finger, check
 from .tape import tape
 from .twin import twin
 
@@ -58,7 +58,7 @@ def cli(ctx: click.Context) -> None:
 
 cli.sections = {
     "Make a button, in this order": (doctor, record, represent, calibrate, button, show, report, demo),
-    "Look": (live, list_command, _serve, check, map_command, figures, _export, _import),
+    "Look": (live, list_command, _serve, check, map_command, calibrate_finger, figures, _export, _import),
     "People": (new, study, _experiment, _analyse),
     "Maintain": (recalibrate, calibrations, verify, recover, log, reset, schema, rig, tape, twin),
 }

@@ -1,24 +1,22 @@
-"""`haploop calibrate`, `check`: calibrate the table, and play a press on it."""
+"""`haploop calibrate`, `calibrate-finger`, `check`: calibrate the table, and play a press on it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import click
-from click.core import ParameterSource
 
 from ..base.errors import DataError
 from ..base.files import reserved
 from ..calibration import sizes
 from ..calibration.band import BAND
-from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, note
 from . import public as haploop
 from .option_groups import AskedPlays, AskedPress, on_plays, on_press
-from .options import EXITS, FINGER, FORCE, JSON, NEW, PATH, ChosenRig, FiniteRange, Names, on_rig, on_table
+from .options import EXITS, FORCE, JSON, NEW, PATH, ChosenRig, FiniteRange, Names, on_rig, on_table
 
 _FEWEST = 3
 """Changes from which `with_scatter` tells a scatter."""
@@ -71,23 +69,6 @@ _FEWEST = 3
     metavar="HZ",
     help="Frequency that carries presses.  [default: the strongest resonance in the band of drives]",
 )
-@FINGER
-@FORCE
-@click.option("--bare", type=PATH, metavar="FILE.h5", help="With --finger: the bare table's calibration.")
-@click.option(
-    "--beside",
-    type=Names(),
-    metavar="LIST",
-    help="With --finger: grid points that the laser looks at, where it does not see the one under it.",
-)
-@click.option(
-    "--map",
-    "mapped",
-    type=PATH,
-    metavar="DIR",
-    help="With --finger: map of the table, whose modes tell what the finger does at its own point; without "
-    "--beside the laser looks at the four grid points next to it.",
-)
 @on_rig()
 @JSON
 def calibrate(
@@ -97,26 +78,13 @@ def calibrate(
     waveforms: bool,
     since: Sequence[Path],
     carrier: float | None,
-    finger: str | None,
-    force: float | None,
-    bare: Path | None,
-    beside: Sequence[str] | None,
-    mapped: Path | None,
     rig: ChosenRig,
     as_json: bool,
 ) -> int:
     """Measure the table's response and fit a model.
 
-    With --finger and --bare, measure what a resting fingertip does to a calibration, in a few seconds.
-
     Exit codes: 0 calibrated, 1 calibrated, and --since tells nothing of the channels.
     """
-    if finger is not None:
-        _refuse_given("patches", "point", "waveforms", "since", "carrier")
-        looked = _Looked(bare, tuple(beside or ()), mapped)
-        return _calibrate_finger(RestFinger(finger, "", force or 1.0), looked, out, rig, as_json)
-    if bare or beside or mapped or force:
-        raise click.UsageError("--bare, --beside, --map and --force belong to --finger PARTICIPANT.")
     made = (
         [out] if len(patches) == 1 else [haploop.calibration.calibration_of(out, patch) for patch in patches]
     )
@@ -159,43 +127,53 @@ def calibrate(
     return 1 if unsaid else 0
 
 
-def _refuse_given(*names: str) -> None:
-    """Raise click.UsageError where one of these options of the bare table was given beside --finger."""
-    context = click.get_current_context()
-    for option in context.command.params:
-        if option.name in names and context.get_parameter_source(option.name) is not ParameterSource.DEFAULT:
-            raise click.UsageError(
-                f"{option.opts[0]} does not belong to --finger: patch and point are those of the --bare "
-                "calibration, and no waveforms are kept."
-            )
+@click.command("calibrate-finger")
+@click.argument("bare", type=PATH, metavar="BARE.h5")
+@click.option(
+    "--participant", "-p", required=True, metavar="NAME", help="Whose fingertip rests on the point: P01."
+)
+@FORCE
+@click.option("--out", "-o", type=NEW, required=True, metavar="FILE.h5", help="Calibration file to write.")
+@click.option(
+    "--beside",
+    type=Names(),
+    metavar="LIST",
+    help="Grid points that the laser looks at, where it does not see the one under the finger.",
+)
+@click.option(
+    "--map",
+    "mapped",
+    type=PATH,
+    metavar="DIR",
+    help="Map of the table, whose modes tell what the finger does at its own point; without --beside the "
+    "laser looks at the four grid points next to it.",
+)
+@on_rig()
+@JSON
+def calibrate_finger(
+    bare: Path,
+    participant: str,
+    force: float | None,
+    out: Path,
+    beside: Sequence[str] | None,
+    mapped: Path | None,
+    rig: ChosenRig,
+    as_json: bool,
+) -> int:
+    """Measure what a resting fingertip does to a calibration.
 
-
-@dataclass(frozen=True)
-class _Looked:
-    """From what a finger is found: the bare calibration, where the laser looks, and a map's folder."""
-
-    bare: Path | None
-    beside: tuple[str, ...]
-    mapped: Path | None
-
-
-def _calibrate_finger(asked: RestFinger, looked: _Looked, out: Path, rig: ChosenRig, as_json: bool) -> int:
-    if looked.bare is None:
-        raise click.UsageError("--finger needs --bare FILE.h5, the calibration of the bare table.")
-    loaded = haploop.Calibration.load(looked.bare)
-    plate = haploop.calibration.VibrationMap.load(looked.mapped).plate_modes() if looked.mapped else None
+    BARE.h5 is the bare table's calibration (`haploop calibrate`). When asked, the participant rests a
+    fingertip on its point with the force, and holds still for a few seconds.
+    """
+    loaded = haploop.Calibration.load(bare)
+    plate = haploop.calibration.VibrationMap.load(mapped).plate_modes() if mapped else None
+    looked = tuple(beside or ())
     outputs.check_new_file(out)
     with reserved(out, size=sizes.CALIBRATION), rig.opened() as opened, Steps() as steps:
-        for point in looked.beside or (loaded.response.point,):
+        for point in looked or (loaded.response.point,):
             on_table(opened, point)
         haploop.calibration.calibrate_finger(
-            opened,
-            loaded,
-            asked.participant,
-            force=asked.force,
-            beside=looked.beside,
-            plate=plate,
-            progress=steps,
+            opened, loaded, participant, force=force or 1.0, beside=looked, plate=plate, progress=steps
         ).save(out)
     show.print_contents(contents.file_contents(out), as_json)
     return 0

@@ -114,7 +114,7 @@ def pressed_drives(
     held = [one.finger for one in calibrations if one.finger is not None]
     if len(held) < len(calibrations) or len({one.participant for one in held}) != 1:
         raise ConfigurationError(
-            "Drives for a finger need calibrations under one person's finger (haploop calibrate --finger)."
+            "Drives for a finger need calibrations under one person's finger (haploop calibrate-finger)."
         )
     nominal = held[0].force
     least, most = FORCES

@@ -266,7 +266,7 @@ def _made_anew(
             if old.pressed:
                 made.without.append(
                     f"{name} has no drives for {old.pressed.participant}'s finger now: make them again "
-                    "(haploop calibrate --finger, button under)."
+                    "(haploop calibrate-finger, button under)."
                 )
     return made
 

@@ -29,10 +29,8 @@ WORK = {
     "report": "write_report",
     "figures": "reports.write_figures reports.PaperFigures",
     "list": "list_files reports.Entry",
-    "calibrate": (
-        "open_rig calibrate calibration.calibrate_finger Calibration calibration.calibration_of "
-        "load_calibrations calibration.VibrationMap"
-    ),
+    "calibrate": "open_rig calibrate Calibration calibration.calibration_of load_calibrations",
+    "calibrate-finger": "open_rig calibration.calibrate_finger Calibration calibration.VibrationMap",
     "check": (
         "Recording representative drive_for calibration.pressed_drives check calibration.check_under_finger"
     ),
