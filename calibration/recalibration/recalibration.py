@@ -108,29 +108,35 @@ def recalibrate(
         if gained and outcome.kind != "broken":
             kind = "broken" if far or outcome.kind in ("drifted", "not shown") else outcome.kind
             outcome = _with(replace(outcome, kind=kind), *gained)
-        elif outcome.kind == "drifted" and look.touched and not free:
-            told = f"Nothing was changed: {active.name} stays the active one. {TAKE_AWAY}"
-            outcome = _with(replace(outcome, kind="touched"), told)
-        elif outcome.kind == "drifted" and look.unmeasured:
-            outcome = _with(
-                outcome,
-                "Nothing was changed, because a button at a point that was not measured cannot be made anew: "
-                "run it with somebody there to aim the laser (--attended).",
-            )
-        elif outcome.kind == "drifted" and hidden:
-            outcome = _with(
-                replace(outcome, kind="broken"),
-                "The laser's signal is too disturbed to tell whether the buttons are right. Nothing was made "
-                f"anew: {active.name} stays the active one.",
-            )
         elif outcome.kind == "drifted":
-            anew = _made_anew(rig, buttons, outcome.before, iterations, progress)
-            anew.free = free
-            outcome = _judged(rig, history, outcome, calibrations, anew)
-            if outcome.kind == "restored":
-                outcome = _activated(rig, history, outcome, anew, actor)
+            if hindered := _hindrance(look, active, free, hidden):
+                kind, told = hindered
+                outcome = _with(replace(outcome, kind=kind), told)
+            else:
+                anew = _made_anew(rig, buttons, outcome.before, iterations, progress)
+                anew.free = free
+                outcome = _judged(rig, history, outcome, calibrations, anew)
+                if outcome.kind == "restored":
+                    outcome = _activated(rig, history, outcome, anew, actor)
         note_outcome(history, active, outcome, look)
     return outcome
+
+
+def _hindrance(look: Look, active: Generation, free: bool, hidden: bool) -> tuple[Kind, str] | None:
+    """Why nothing can be made anew on a table that has drifted: what the outcome is then, and a sentence."""
+    if look.touched and not free:
+        return "touched", f"Nothing was changed: {active.name} stays the active one. {TAKE_AWAY}"
+    if look.unmeasured:
+        return "drifted", (
+            "Nothing was changed, because a button at a point that was not measured cannot be made anew: "
+            "run it with somebody there to aim the laser (--attended)."
+        )
+    if hidden:
+        return "broken", (
+            "The laser's signal is too disturbed to tell whether the buttons are right. Nothing was made "
+            f"anew: {active.name} stays the active one."
+        )
+    return None
 
 
 def _size(active: Generation, iterations: int) -> int:
