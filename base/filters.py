@@ -1,4 +1,4 @@
-"""Convolution, correlation, envelope, resampling, peaks, and filters without phase.
+"""Convolution, correlation, envelope, resampling, peaks, a recursion, and filters without phase.
 
 scipy.signal has them, too, and loads scipy.stats with all that this needs: 0.5 s in a command of two. These
 give the same numbers (`tests/base/test_filters.py` compares them) from what is loaded anyway. What runs for
@@ -8,6 +8,7 @@ long, or seldom, takes scipy.signal's.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from math import gcd
 
 import numpy as np
@@ -116,6 +117,40 @@ def without_phase(
         part = found[..., first : first + size - 2 * margin]
         part[...] = filtered[..., margin : margin + part.shape[-1]]
     return found
+
+
+_BLOCK = 64
+"""Samples of a recursion that are computed at once."""
+
+
+def recursion(values: FloatArray, last: float, before: float, found: FloatArray) -> FloatArray:
+    """(samples,) y with y[k] = values[k] - last * y[k-1] - before * y[k-2], from the two of `found` on.
+
+    Within a block it is the impulse response, as a matrix; from block to block go the last two values.
+    """
+    within, carries = _responses(last, before)
+    rows = np.pad(values, (0, -len(values) % _BLOCK)).reshape(-1, _BLOCK)
+    made = rows @ within
+    two, one = map(float, found)
+    (h2, h1), (h3, _) = carries[:, -2:].tolist()
+    carried = []  # what the two values before a block do as inputs of its first two samples
+    for next_two, next_one in made[:, -2:].tolist():
+        first, second = -last * one - before * two, -before * one
+        carried.append((first, second))
+        two, one = next_two + first * h2 + second * h3, next_one + first * h1 + second * h2
+    made += np.array(carried).reshape(-1, 2) @ carries
+    return np.asarray(made.ravel()[: len(values)])
+
+
+@cache
+def _responses(last: float, before: float) -> tuple[FloatArray, FloatArray]:
+    """(inputs, outputs) of a block, and (2, outputs) of its first two inputs alone."""
+    response = [1.0, -last]
+    while len(response) < _BLOCK:
+        response.append(-last * response[-1] - before * response[-2])
+    causal = np.concatenate([np.zeros(_BLOCK - 1), response])
+    within = np.lib.stride_tricks.sliding_window_view(causal, _BLOCK)[::-1].copy()
+    return within, within[:2]
 
 
 def peaks(values: FloatArray, prominence: float) -> list[int]:

@@ -14,10 +14,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
 from ...base.arrays import FloatArray
 from ...base.errors import DataError
+from ...base.filters import recursion
 from ...base.parts import Parted, carried
 from ...instruments import LinearSensor, Sensors
 from ...instruments.sensors import Restorer
@@ -109,9 +109,7 @@ class Shaken:
 
     The high-pass filter is causal, so that no click appears before its instant: a Butterworth filter of
     second order by the bilinear transform (Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed.,
-    7.2.2), settled at the first sample. Its recursion is the solution of a banded triangular system, because
-    scipy.signal would load scipy.stats, half a second in the middle of a session. That takes 50 bytes for
-    each sample of a part.
+    7.2.2), settled at the first sample.
     """
 
     def __init__(self, rate_hz: float, high_pass_hz: float) -> None:
@@ -120,7 +118,7 @@ class Shaken:
         self._last, self._before = 2 * (k**2 - 1) * self._scale, (1 - np.sqrt(2) * k + k**2) * self._scale
         self._first: FloatArray = np.zeros(0)
         self._moved: FloatArray = np.zeros(0)
-        self._found: FloatArray = np.zeros(0)
+        self._found: FloatArray = np.zeros(2)
         """The last two samples of the part before."""
 
     def __call__(self, vertical: FloatArray) -> FloatArray:
@@ -131,13 +129,8 @@ class Shaken:
             self._first = vertical[:1].copy()
         earlier = len(self._moved)
         moved = np.concatenate([self._moved, vertical - self._first])
-        found = self._scale * np.convolve(moved, [1.0, -2.0, 1.0])[earlier : len(moved)]
-        if earlier == 2:  # what the part before leaves
-            two, one = self._found
-            found[:2] -= [self._last * one + self._before * two, self._before * one][: len(found)]
-        bands = np.ones((3, len(found)))
-        bands[1], bands[2] = self._last, self._before
-        found = scipy.linalg.lapack.dtbtrs(bands, found[:, None], uplo="L")[0][:, 0]
+        forced = self._scale * np.convolve(moved, [1.0, -2.0, 1.0])[earlier : len(moved)]
+        found = recursion(forced, self._last, self._before, self._found)
         self._moved, self._found = moved[-2:].copy(), np.concatenate([self._found, found[-2:]])[-2:]
         return np.asarray(np.abs(found))
 

@@ -52,6 +52,16 @@ def test_a_high_pass_without_phase(samples, cutoff_hz):
     assert cutoff_hz < 10 or apart.max() < 1e-6
 
 
+@pytest.mark.parametrize("samples", [0, 1, 63, 64, 65, 1000])
+@pytest.mark.parametrize(("last", "before"), [(-1.9, 0.91), (0.0, 0.5), (-1.99995, 0.99995)])
+def test_a_recursion_goes_on_where_the_part_before_ended(samples, last, before):
+    values = noise(samples + 100)
+    wanted = scipy.signal.lfilter([1.0], [1.0, last, before], values)
+    first = filters.recursion(values[:100], last, before, np.zeros(2))
+    found = filters.recursion(values[100:], last, before, first[-2:])
+    assert np.concatenate([first, found]) == pytest.approx(wanted, rel=1e-9, abs=1e-9)
+
+
 def test_a_slow_high_pass_does_not_see_the_other_end():
     """Of a signal that ends far from where it began, whose spectrum has the two side by side."""
     signal = np.where(np.arange(20_000) < 10_000, 0.0, 1000.0)
