@@ -30,6 +30,16 @@ def fast_length(least: int) -> int:
     return shortest
 
 
+def first_order_low_pass(frequencies: FloatArray, corner_hz: float) -> ComplexArray:
+    """Response of one real pole at `corner_hz` to `frequencies` (Hz), unity at 0 Hz."""
+    return np.asarray(1.0 / (1.0 + 1j * frequencies / corner_hz), dtype=np.complex128)
+
+
+def first_order_high_pass(frequencies: FloatArray, corner_hz: float) -> ComplexArray:
+    """Response of one high-pass at `corner_hz` to `frequencies` (Hz), 0 at 0 Hz."""
+    return np.asarray(1.0 - first_order_low_pass(frequencies, corner_hz))
+
+
 def convolve(signal: FloatArray, kernel: FloatArray) -> FloatArray:
     """Convolution of (samples,) with (taps,): all samples + taps - 1 values."""
     count = len(signal) + len(kernel) - 1

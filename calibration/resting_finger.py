@@ -8,14 +8,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..base.arrays import FloatArray
 from ..base.errors import ConfigurationError, InstrumentError
-from ..instruments import Rig
 from ..instruments.operator import LiftFinger, RestFinger
-from ..instruments.sensors import LinearSensor
+
+if TYPE_CHECKING:
+    from ..instruments import Rig
+    from ..instruments.sensors import LinearSensor
 
 FORCES = (0.1, 20.0)
 """Forces (N) of a fingertip that rests."""

@@ -9,16 +9,18 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import ConfigurationError, DataError
 from ...base.filters import fast_length
-from ...instruments import Limits, RigFile
 from ..model import Calibration, Drift, apart, mode_deviations, standard_deviation
 from ..response import Response
+
+if TYPE_CHECKING:
+    from ...instruments import Limits
 
 _SETTLED = 0.2
 """Seconds in which the decay that a coupling capacitor adds to the end of a drive dies out."""
@@ -262,6 +264,8 @@ def _refuse_one_place(points: Sequence[str], response: Response) -> None:
     """Raise ConfigurationError for the button's point and its own number as two points."""
     if "button" not in points or len(points) < 2 or not response.rig_file:
         return
+    from ...instruments import RigFile  # noqa: PLC0415 - most drives are for one point
+
     table = RigFile.model_validate_json(response.rig_file).table
     number = str(table.button_point) if table else ""
     if number in points:

@@ -6,6 +6,7 @@ import glob
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from ...base.errors import ConfigurationError
 from ...base.filters import fast_length
 from ...base.notebook import InNotebook
 from ...base.progress import Progress, silent
-from ...instruments import Rig, RigFile
 from ..band import BAND
 from ..perception import pressing
 from ..response import (
@@ -38,6 +38,9 @@ from ..response import (
 )
 from .finger import Finger
 from .model import Model, fit
+
+if TYPE_CHECKING:
+    from ...instruments import Rig
 
 
 @dataclass(frozen=True)
@@ -147,6 +150,8 @@ class Calibration(InNotebook):
                 f"The response of patch {response.patch} at the {response.point} point was {response.source} "
                 "without a rig: say which rig it is for when reading it."
             )
+        from ...instruments import RigFile  # noqa: PLC0415 - what is shown needs none
+
         table = RigFile.model_validate_json(response.rig_file).table
         assert table is not None  # the response was measured on it
         return cls(response, fit(response), fit_hysteresis(response), table.rate_hz)

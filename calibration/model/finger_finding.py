@@ -33,13 +33,13 @@ import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import DataError
-from ...instruments.operator import RestFinger
 from ..band import BAND
 from ..response import Response
 from .finger import GROWS, Finger, impedance, loads, mobilities
 from .model import Model, fit
 
 if TYPE_CHECKING:
+    from ...instruments.operator import RestFinger
     from .calibration import Calibration
 
 _START, _WITHIN, _TRIES = (700.0, 300.0), ((20.0, 20.0), (2e4, 5e3)), 80

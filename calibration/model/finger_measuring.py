@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...acquisition import refuse_name
 from ...base.errors import ConfigurationError
 from ...base.progress import Progress, prefixed, silent
-from ...instruments import Rig, RigFile
 from ...instruments.operator import RestFinger
 from ..response import quick_response
 from ..resting_finger import TableForce, refuse_force, resting
@@ -20,6 +18,7 @@ from .finger import under_finger
 from .finger_finding import Look, PlateModes, find_finger
 
 if TYPE_CHECKING:
+    from ...instruments import Rig, RigFile
     from .calibration import Calibration
 
 
@@ -57,6 +56,8 @@ def calibrate_finger(
         raise ConfigurationError("Give a calibration of the bare table: this one is a finger's already.")
     if (response.rig, response.simulated) != (rig.name, rig.simulated):
         raise ConfigurationError(f"The calibration is of another rig, {response.rig!r}: calibrate this one.")
+    from ...acquisition import refuse_name  # noqa: PLC0415 - a calibration that is shown needs no recording
+
     refuse_name(participant)
     refuse_force(force)
     points = tuple(dict.fromkeys([beside] if isinstance(beside, str) else beside))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
@@ -12,11 +13,14 @@ from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import InstrumentError
 from ...base.filters import correlate_within, fast_length
 from ...base.progress import Progress, part_of, silent
-from ...instruments import Capture, Rig, Sweep
+from ...instruments import Sweep
 from ..spectra import fade
 from .excitation import LinearSweep
 from .response import FrfEstimate
 from .spot import Channels, Spot, overloaded, signals_of
+
+if TYPE_CHECKING:
+    from ...instruments import Capture, Rig
 
 _LOWEST = 20.0
 """Lowest frequency (Hz): below it the sweep fades in."""

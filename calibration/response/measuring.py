@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError, DataError, InstrumentError
 from ...base.progress import Progress, part_of, silent
-from ...instruments import Capture, Rig
 from ..background import LONGEST_REST, Record, Tones, rests, tones_in, without_tones
 from .excitation import Excitation, LinearSweep, Multisine
 from .from_multisine import from_multisine
@@ -18,6 +18,9 @@ from .hysteresis import Hysteresis
 from .response import Response
 from .settling import full_level, refuse_silent_drive, settle
 from .spot import Channels, Spot, refuse_overload, response_of, signals_of
+
+if TYPE_CHECKING:
+    from ...instruments import Capture, Rig
 
 ABOVE_HZ = 600.0
 """Lowest frequency (Hz) of the response above the band: a little below the end of the usual excitations."""

@@ -8,16 +8,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...base import hdf5
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import DataError
-from ...instruments import Capture, Rig
 from ...instruments.vibrometer import Quantity
 from ..background import Tones
 from .hysteresis import Hysteresis
+
+if TYPE_CHECKING:
+    from ...instruments import Capture, Rig
 
 _CREST = 1.66
 """Crest factor of the multisines here."""

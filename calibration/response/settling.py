@@ -8,6 +8,7 @@ decay of the surface is then measured, not assumed.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
@@ -15,7 +16,9 @@ import scipy
 from ...base.arrays import FloatArray
 from ...base.errors import InstrumentError
 from ...base.progress import Progress, silent
-from ...instruments import Capture, Rig
+
+if TYPE_CHECKING:
+    from ...instruments import Capture, Rig
 
 _HZ, _CYCLES = 40.0, 16
 """Frequency (Hz) and number of cycles of the run-down, below a table's first mode. After it the first play

@@ -15,11 +15,11 @@ import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import InstrumentError
-from ...instruments import Capture, Rig
 from ...instruments.vibrometer import shown
 from .response import LINEAR, Response
 
 if TYPE_CHECKING:
+    from ...instruments import Capture, Rig
     from .response import FrfEstimate
 
 

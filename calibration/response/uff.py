@@ -16,7 +16,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyuff
@@ -24,9 +24,11 @@ import pyuff
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import DataError
 from ...base.files import new_file, os_error_text
-from ...instruments import RigFile
 from .response import Response
 from .uff_units import ACCELERATION, LENGTH, VELOCITY, VOLTAGE, response_of
+
+if TYPE_CHECKING:
+    from ...instruments import RigFile
 
 _FRF, _COHERENCE = 4, 6
 _FREQUENCY, _GENERAL, _UNKNOWN = 18, 1, 0

@@ -21,8 +21,6 @@ from .tables import Sensors as Sensors
 from .tables import VelocityTable as VelocityTable
 from .transfer import Measured as Measured
 from .transfer import Transfer as Transfer
-from .transfer import high_pass as high_pass
-from .transfer import low_pass as low_pass
 from .units import G as G
 from .units import value_of as value_of
 from .units import with_unit as with_unit

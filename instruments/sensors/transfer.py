@@ -16,19 +16,10 @@ from pydantic import Field, model_validator
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.bounded import Finite, NotNegative, Positive, Strict
+from ...base.filters import first_order_high_pass
 
 Root = Positive | tuple[Positive, Annotated[float, Field(strict=True, gt=0, le=1)]]
 """A real pole or zero by its frequency (Hz), or a pair by its frequency and damping ratio."""
-
-
-def low_pass(frequencies: FloatArray, corner_hz: float) -> ComplexArray:
-    """Response of one real pole at `corner_hz` to `frequencies` (Hz), unity at 0 Hz."""
-    return np.asarray(1.0 / (1.0 + 1j * frequencies / corner_hz), dtype=np.complex128)
-
-
-def high_pass(frequencies: FloatArray, corner_hz: float) -> ComplexArray:
-    """Response of one high-pass at `corner_hz` to `frequencies` (Hz), 0 at 0 Hz."""
-    return np.asarray(1.0 - low_pass(frequencies, corner_hz))
 
 
 class Measured(Strict):
@@ -70,7 +61,7 @@ class Transfer(Strict):
         """Response (frequencies,) at `frequencies` (Hz)."""
         passed = np.exp(-2j * np.pi * self.delay * frequencies)
         for corner in self.high_pass_hz:
-            passed *= high_pass(frequencies, corner)
+            passed *= first_order_high_pass(frequencies, corner)
         return np.asarray(passed * self.fast(frequencies))
 
     def fast(self, frequencies: FloatArray) -> ComplexArray:

@@ -13,7 +13,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from ...base.arrays import ComplexArray, FloatArray
-from ..sensors import low_pass
+from ...base.filters import first_order_low_pass
 
 Quantity = Literal["velocity", "displacement", "acceleration"]
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
@@ -76,7 +76,7 @@ class Vibrometer(ABC):
         """
         f = np.asarray(frequencies, dtype=np.float64)
         late = np.exp(-2j * np.pi * f * self.delay)
-        found = low_pass(f, self.bandwidth_hz) * late
+        found = first_order_low_pass(f, self.bandwidth_hz) * late
         turned = np.where(f == 0, 1.0, f)
         if self.high_pass_hz:
             found = found / (1 + self.high_pass_hz / (1j * turned))

@@ -21,8 +21,8 @@ from pydantic import Field, model_validator
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.bounded import Finite, Positive, Proportion
 from ...base.errors import ConfigurationError
+from ...base.filters import first_order_low_pass
 from ...instruments.config import RigFile
-from ...instruments.sensors import low_pass
 from ...instruments.vibrometer import DERIVATIVE, Quantity
 from .modal import ModalPoles, Modes, Seeing
 from .poles import Course
@@ -133,7 +133,9 @@ class ModalSurface(Surface):
             found = touched_velocity(modes, self._contacts, place, frequencies)[patch]
         else:
             found = modes.velocity(patch, place, frequencies)
-        return found if self.coil_pole_hz is None else found * low_pass(frequencies, self.coil_pole_hz)
+        if self.coil_pole_hz is not None:
+            found = found * first_order_low_pass(frequencies, self.coil_pole_hz)
+        return found
 
     def resonance_hz(self, patch: str, place: tuple[float, float], time: float) -> float:
         """See `Surface.resonance_hz`; the natural frequency of the main mode, if the modes name one."""

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...calibration import Calibration, Drift, Drive, Model, Resonance, Waveforms, drift_change
+from ...calibration import Drift, drift_change
 from ...calibration.band import BAND
 from .. import figures
 from . import words
 from .parts import Contents, Drawing, Fact, Grid, Verdict, detailed, fact
 from .words import damping, percent, sentence
+
+if TYPE_CHECKING:
+    from ...calibration import Calibration, Drive, Model, Resonance, Waveforms
 
 _TOLD, _MOST = 0.01, 5
 """Share of the motion from which the background's tones are told, and the most of a kind."""
