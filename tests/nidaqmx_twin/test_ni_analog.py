@@ -38,6 +38,7 @@ def three_narrow(task: nidaqmx.Task) -> None:
 
 
 def test_undriven_input_is_a_sine_within_its_range(task):
+    """NI-DAQmx help, "Reading and Writing to NI-DAQmx Simulated Devices"."""
     task.ai_channels.add_ai_voltage_chan("Sim/ai0", min_val=-2.5, max_val=2.5)
     task.timing.cfg_samp_clk_timing(10_000, samps_per_chan=1000)
     volts = np.array(task.read(1000))

@@ -87,6 +87,7 @@ def test_names_of_several_channels(task, terminals, assigned, names):
 
 @pytest.mark.parametrize("wrong", ["Dev1/ai0:", "Dev1/ai:3", "Dev1/ai0:ao3"])
 def test_a_range_that_is_none(twin, wrong):
+    """nidaqmx, `utils.py`."""
     with nidaqmx.Task() as task:
         assert code(lambda: task.ai_channels.add_ai_voltage_chan(wrong)) == -200498
         assert code(lambda: task.ai_channels.add_ai_voltage_chan("Dev1/ai0", wrong)) == -200498

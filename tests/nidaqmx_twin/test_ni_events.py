@@ -35,6 +35,7 @@ def task(twin: NiTwin) -> Iterator[nidaqmx.Task]:
 
 @pytest.mark.parametrize("register", [ACQUIRED, "register_done_event", "register_signal_event"])
 def test_events_are_registered_before_the_start(task, register):
+    """NI's names of the codes; grpc-device, pull request 940."""
     first = {ACQUIRED: (100,), "register_signal_event": (Signal.SAMPLE_CLOCK,)}.get(register, ())
     clocked(task, "Dev1/ai0", 1000, sample_mode=CONTINUOUS)
     task.start()

@@ -26,7 +26,8 @@ input()
 @pytest.mark.parametrize("late", [0.0, 2.0])
 @pytest.mark.parametrize("end", ["kill", "exit"])
 def test_a_task_lives_in_its_process(end, late, monkeypatch):
-    """Its name is unique there, and what it has reserved is free when the process has ended, however.
+    """Its name is unique there (inferred), and what it has reserved is free when the process has ended,
+    however (NI knowledge base kA00Z000000P8kmSAC).
 
     So it is where the server's thread for the first call, which lasts as long as the process, starts `late`
     (s): gRPC runs no call whose client has gone before.
