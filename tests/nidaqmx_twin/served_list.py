@@ -21,9 +21,9 @@ _HEAD = """# What the NI twin serves of nidaqmx
 The properties and calls of nidaqmx 1.7, generated; a test compares this page with the installed nidaqmx.
 
 *Served*: the twin computes it, or acts on it. *Refused*: a property is -200197 until a program sets it (and
-is then kept), a call is `DaqFunctionNotSupportedError`. *Kept*: all that is not named here; a program can set
-it and read it back, and nothing follows from it; a task that starts with one at another value than its
-default warns and names it (`TwinWarning`). Names are those of NI's C interface.
+is then kept), a call is `DaqFunctionNotSupportedError`. *Kept*: a program can set it and read it back, and
+nothing follows from it; a task that starts with one at another value than its default warns and names it
+(`TwinWarning`). "All others" are those of nidaqmx that are not named. Names are those of NI's C interface.
 """
 SERVED, KEPT, REFUSED = "served", "kept", "refused"
 _TITLES = {SERVED: "Served", REFUSED: "Refused", KEPT: "Kept"}
@@ -82,12 +82,15 @@ def page() -> str:
     parts = [_HEAD]
     for kind, of_kind in groupby(rows, key=lambda row: row[0]):
         listed = list(of_kind)
+        statuses = {status for _, status, _ in listed}
+        others = SERVED if kind == "Calls" or KEPT not in statuses else KEPT
+        unnamed = "all others" if len(statuses) > 1 else "all"
         parts.append(f"\n## {kind}\n")
         for status, title in _TITLES.items():
             names = [name for _, of, name in listed if of == status]
             if names:
-                others = status == KEPT and kind != "Calls"
-                told = f"{title} ({len(names)}): {'all others' if others else ', '.join(names)}."
+                told = unnamed if status == others else ", ".join(names)
+                told = f"{title} ({len(names)}): {told}."
                 parts.append(
                     "\n" + textwrap.fill(told, 120, break_long_words=False, break_on_hyphens=False) + "\n"
                 )
