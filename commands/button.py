@@ -169,7 +169,7 @@ def plan(asked: AskedPress, elsewhere: AskedElsewhere, out: Path | None, rig: Ch
     multiple=True,
     required=True,
     metavar="FINGER.h5",
-    help="Calibration under the finger (haploop calibrate-finger); one of each patch.",
+    help="Calibration under the finger, of `haploop calibrate-finger`; one of each patch.",
 )
 @click.option("--out", "-o", type=NEW, required=True, metavar="NEW.h5", help="Digital button file to write.")
 @PLAYS

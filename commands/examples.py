@@ -14,7 +14,7 @@ EXAMPLES = {
     "button plan": "haploop button plan press.h5 -c calibration.h5 --plot plan.png",
     "button under": "haploop button under push.h5 -c P01-finger.h5 -o push-P01.h5 --rig lab.toml",
     "calibrate": "haploop calibrate --patch A --point button --out calibration.h5",
-    "calibrate-finger": "haploop calibrate-finger calibration.h5 -p P01 --out P01-finger.h5 --rig lab.toml",
+    "calibrate-finger": "haploop calibrate-finger calibration.h5 -p P01 -o P01-finger.h5",
     "calibrations activate": 'haploop calibrations activate 2 --rig lab.toml --reason "back in room 3"',
     "calibrations adopt": 'haploop calibrations adopt latch.h5 --rig lab.toml --reason "new plate"',
     "calibrations diff": "haploop calibrations diff 1 2 --rig lab.toml",

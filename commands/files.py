@@ -75,8 +75,7 @@ def report(paths: Sequence[Path], out: Path, no_open: bool, as_json: bool) -> in
     PATH is a recording, a representative press, a calibration, a drive, a check, a digital button, a curve,
     the folder of a vibration map or of a history of calibrations, a study (its study.toml or its folder), a
     folder of such files, or a table of `haploop experiment export` (CSV). OUT is one HTML file that needs no
-    other file, and is opened in a browser; the folder OUT-figures beside it holds each figure as PDF, SVG and
-    CSV.
+    other file, for a browser. Each figure is beside it, as PDF, SVG and CSV, in OUT-figures.
     """
     if out.suffix.lower() not in (".html", ".htm"):
         raise haploop.ConfigurationError(f"{out} has the wrong file type: use a name that ends with .html.")

@@ -48,10 +48,11 @@ def record(
     rig: ChosenRig,
     as_json: bool,
 ) -> int:
-    """Record presses of one BUTTON into OUT/PARTICIPANT-BUTTON.h5.
+    """Record presses of one BUTTON.
 
-    BUTTON may be any name; a new button needs no preparation. A press that fails its quality check is
-    kept, marked, and asked for again. At a console, type r and Enter to reject the preceding press.
+    The file is OUT/PARTICIPANT-BUTTON.h5. BUTTON may be any name; a new button needs no preparation. A
+    press that fails its quality check is kept, marked, and asked for again. At a console, type r and
+    Enter to reject the preceding press.
     """
     with rig.opened() as opened, show.Meter(opened) as meter:
         rig.state.recordings = out

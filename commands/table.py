@@ -162,7 +162,7 @@ def calibrate_finger(
 ) -> int:
     """Measure what a resting fingertip does to a calibration.
 
-    BARE.h5 is the bare table's calibration (`haploop calibrate`). When asked, the participant rests a
+    BARE.h5 is the calibration of the bare table. When asked, the participant rests a
     fingertip on its point with the force, and holds still for a few seconds.
     """
     loaded = haploop.Calibration.load(bare)

@@ -21,7 +21,7 @@ _ERRORS = 10
 
 @click.group(no_args_is_help=True)
 def tape() -> None:
-    """Look at the tape of a session, and make one that can be sent.
+    """Look at a session's tape, and make one to send.
 
     `--tape FILE.tape` of a command that opens a rig writes a tape, and `--simulate tape:FILE.tape` plays it.
     """

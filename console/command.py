@@ -61,7 +61,7 @@ def serve(
     virtual_time: bool,
     as_json: bool,
 ) -> int:
-    """Serve the operator's console to a browser on this computer.
+    """Serve the operator's console to a browser here.
 
     Open the address that is printed; it contains this start's token. The rig is in a process of its own: if
     the server is killed, a recording goes on, and the next `haploop serve` takes it over. Ctrl-C reaches the

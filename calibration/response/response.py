@@ -15,12 +15,13 @@ import numpy as np
 from ...base import hdf5
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import DataError
+from ...instruments import Capture
 from ...instruments.vibrometer import Quantity
 from ..background import Tones
 from .hysteresis import Hysteresis
 
 if TYPE_CHECKING:
-    from ...instruments import Capture, Rig
+    from ...instruments import Rig
 
 _CREST = 1.66
 """Crest factor of the multisines here."""

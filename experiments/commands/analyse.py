@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @click.group(no_args_is_help=True)
 def analyse() -> None:
-    """Analyse answers and ratings, or the power of a planned study."""
+    """Analyse answers and ratings, or a plan's power."""
 
 
 @analyse.command()

@@ -71,7 +71,7 @@ def experiment() -> None:
     help="Digital button that the rig plays in it; once for each button of the example. It is copied too.",
 )
 def new(folder: Path, example: str, buttons: Sequence[Path]) -> int:
-    """Create an experiment: a FOLDER with an experiment.toml to change.
+    """Create a FOLDER with an experiment.toml to change.
 
     With --button the rig plays the digital buttons, of which each must be named as a level of the example.
     """
