@@ -12,6 +12,7 @@ from haploop.instruments.daq.serial_codec import Column, Framing, SerialSettings
 from haploop.instruments.live.tap import levels
 from haploop.mocks.daq.serial_adc import Board
 from tests.acquisition.presses.pressworld import world_rig
+from tests.rows import thinned
 
 File = haploop.instruments.RigFile
 
@@ -34,7 +35,7 @@ def _channel(file: File, name: str, range_: float) -> File:
     return File.model_validate(raw)
 
 
-@pytest.mark.parametrize("button", ["latch", "toggle", "push"])
+@pytest.mark.parametrize("button", thinned(["latch", "toggle", "push"], 3))
 @pytest.mark.parametrize("board", [contact_of_five_volts, dc_accelerometer])
 def test_an_ordinary_board_is_accepted(board, button, tmp_path):
     with haploop.open_rig(board(load_rig_file("simulated"))) as rig:

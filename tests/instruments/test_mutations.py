@@ -32,6 +32,7 @@ from haploop.mocks.plant import AMPLIFIER_GAIN_ERROR
 from haploop.nidaqmx_twin.nodes import Run
 from tests.raising import raises
 from tests.rig_files import changed
+from tests.rows import thinned
 
 pytestmark = pytest.mark.usefixtures("unproved", "few_callbacks")
 
@@ -227,7 +228,7 @@ class Trial:
         return found if logged == {self.file.digest} else [*found, "logged as another file"]
 
 
-@pytest.mark.parametrize("name", RIGS)
+@pytest.mark.parametrize("name", thinned(RIGS, 3))
 def test_no_mutation_plays_a_volt_too_many(name, full, tmp_path, monkeypatch):
     monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "first"))
     with Trial(name).rig as rig:
