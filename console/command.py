@@ -65,7 +65,8 @@ def serve(
 
     Open the address that is printed; it contains this start's token. The rig is in a process of its own: if
     the server is killed, a recording goes on, and the next `haploop serve` takes it over. Ctrl-C reaches the
-    safe state and ends both.
+    safe state and ends both; where another server shows the same rig, it stops only what was begun on these
+    pages.
     """
     if data.exists() and not data.is_dir():
         raise haploop.ConfigurationError(f"--data {data} is a file: name a folder, which may be new.")
