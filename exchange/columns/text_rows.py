@@ -170,21 +170,22 @@ def numeric_rows(path: Path, rows: Sequence[list[str]], decimal: str, shape: str
     widest = max(usual, columns[-1] + 1, *map(len, above[-2:]), 0)
     bad = [
         number
-        for number, row in enumerate(within)
+        for number, row in enumerate(within, first)
         if not _is_row(row, columns, decimal) or len(_stripped(row)) > widest
     ]
     notes = []
     if bad:
-        _refuse_damaged(path, rows, [first + number for number in bad], len(within), decimal, skip)
-        said = _said([first + number for number in bad], rows)
-        notes.append(f"Damaged and left out: {said}. Where they stood, nothing was measured.")
+        _refuse_damaged(path, rows, bad, len(within), decimal, skip)
+        notes.append(f"Damaged and left out: {_said(bad, rows)}. Where they stood, nothing was measured.")
     if after := [row for row in below if _is_filled(row)]:
         notes.append(f"What follows the last row ({' '.join(after[0]).strip()[:40]!r}) was left out.")
     gone, width = set(bad), max(map(len, within))
-    kept = [[] if number in gone else row for number, row in enumerate(within)]
+    kept = [[] if number in gone else row for number, row in enumerate(within, first)]
     whole = [row + [""] * (width - len(row)) for row in kept]
     places = tuple(sorted({*columns, *_sparse(whole, columns, decimal)}))
-    return Body(above, whole, places, decimal, shape, damaged=tuple(bad), notes=tuple(notes))
+    return Body(
+        above, whole, places, decimal, shape, damaged=tuple(n - first for n in bad), notes=tuple(notes)
+    )
 
 
 def _refuse_brackets(path: Path, rows: Sequence[list[str]], columns: tuple[int, ...]) -> None:
