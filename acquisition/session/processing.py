@@ -17,7 +17,7 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import metadata
 from itertools import islice
 from pathlib import Path
@@ -123,9 +123,7 @@ class _Task:
         beside = {path.parent / "rejections.json" for path in self.paths}
         files = [*self.paths, *(path for path in beside if path.is_file())]
         seen = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files]
-        return hashlib.sha256(
-            json.dumps([metadata.version("haploop"), self.method, seen]).encode()
-        ).hexdigest()
+        return hashlib.sha256(json.dumps([_version(), self.method, seen]).encode()).hexdigest()
 
     @property
     def done(self) -> bool:
@@ -274,6 +272,12 @@ def _dask_pool(address: str) -> Iterator[Executor]:
                 f"A worker of the Dask cluster at {address} has no module {error.name}: install this version "
                 "of haploop there too."
             ) from None
+
+
+@cache
+def _version() -> str:
+    """That of haploop, which is read from a file: once, and not for each part."""
+    return metadata.version("haploop")
 
 
 def _cores() -> int:
