@@ -20,6 +20,7 @@ from filelock import FileLock
 
 import haploop
 from haploop.mocks.pytest_plugin import OpenRig
+from haploop.terminal import progress
 from tests.command_line import demo, no_columns, run
 
 __all__ = ["OpenRig", "demo", "no_columns", "run"]
@@ -243,6 +244,15 @@ def _state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 def _own_state(_state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A rig that one test has locked out is not locked out for the next."""
     monkeypatch.setenv("HAPLOOP_STATE", str(_state / f"{next(_tests)}"))
+
+
+@pytest.fixture(autouse=True)
+def _no_bar_stays() -> Iterator[None]:
+    """Bars that a test leaves would take every sentence of the tests after it."""
+    yield
+    left = list(progress._shown)
+    progress._shown.clear()
+    assert not left, "a test leaves bars at the foot of a terminal"
 
 
 _tests = count()
