@@ -147,6 +147,12 @@ def _uneven(path: Path, stamps: FloatArray, steps: FloatArray, unit: float) -> T
     step = float(np.median(steps))
     if not step > 0:
         raise DataError(f"{path} has stamps too coarse or too uneven to tell a rate: state it (--rate).")
+    if not steps.min() > 0:
+        row = int(np.argmin(steps)) + 1
+        raise DataError(
+            f"{path} has the same time in samples {row} and {row + 1}: leave out what is in it twice, or "
+            "state the rate (--rate)."
+        )
     whole = np.maximum(np.rint(steps / step), 1.0)
     index = np.concatenate([[0.0], np.cumsum(whole)])
     if index[-1] > 10 * len(stamps):
