@@ -134,9 +134,14 @@ def _beside(found: Understanding, role: str, cut: slice, length: int) -> FloatAr
     return np.pad(part, (0, length - len(part)))
 
 
+def ratio_of(rate_hz: float) -> Fraction:
+    """Samples at `RATE_HZ` for each at another rate."""
+    return Fraction(RATE_HZ / rate_hz).limit_denominator(100_000)
+
+
 def resampled(values: FloatArray, rate_hz: float) -> FloatArray:
     """Values at `RATE_HZ`, low-passed where that is slower."""
-    ratio = Fraction(RATE_HZ / rate_hz).limit_denominator(100_000)
+    ratio = ratio_of(rate_hz)
     if ratio == 1:
         return values
     # Its low-pass starts from zero: an offset (gravity) would ring at both ends.

@@ -9,6 +9,7 @@ not accepted.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from importlib import metadata
@@ -23,7 +24,7 @@ from ...acquisition.recording import Event, Header, PressVerdict, write_recordin
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError, DataError
 from ...instruments import LinearSensor, Sensors, Switch
-from .press import RATE_HZ, presses_in, resampled
+from .press import RATE_HZ, presses_in, ratio_of, resampled
 from .understanding import understand
 from .understood import FileMapping, Signal, Understanding, rest_of
 
@@ -141,7 +142,8 @@ def _even(signal: Signal, rate_hz: float) -> FloatArray:
         return resampled(signal.values, rate_hz)
     values = signal.values
     closed = (values > (values.min() + values.max()) / 2).astype(np.float64)
-    at = np.arange(-(-len(values) * RATE_HZ // rate_hz)) * rate_hz / RATE_HZ
+    ratio = ratio_of(rate_hz)
+    at = np.arange(math.ceil(len(values) * ratio)) / float(ratio)
     return np.asarray(closed[np.minimum(np.rint(at).astype(np.int64), len(values) - 1)])
 
 

@@ -104,14 +104,17 @@ def test_a_clipped_signal_is_saturated(presses, tmp_path):
     assert all("saturated" in p.flags for p in found.verdicts)
 
 
-@pytest.mark.parametrize("rate_hz", [1000, 44_100])
+@pytest.mark.parametrize("rate_hz", [1000, 4999.99, 44_100])
 def test_other_rates_become_ours(presses, tmp_path, rate_hz):
     from scipy.signal import resample_poly
 
     force, acceleration = (
-        resample_poly(v - v[0], rate_hz // 100, 50) + v[0] for v in (presses.force, presses.acceleration)
+        resample_poly(v - v[0], round(rate_hz / 100), 50) + v[0]
+        for v in (presses.force, presses.acceleration)
     )
-    np.savez(tmp_path / "a.npz", fs=rate_hz, force_N=force, acceleration=acceleration)
+    at = np.arange(len(force)) * presses.rate_hz / rate_hz
+    switch = presses.switch[np.minimum(np.rint(at).astype(int), len(presses.switch) - 1)]
+    np.savez(tmp_path / "a.npz", fs=rate_hz, force_N=force, acceleration=acceleration, sw=switch)
     told = FileMapping(participant="P02", button="push", units={"acceleration": "m/s^2"})
     found = import_recording(tmp_path / "a.npz", told, tmp_path / "out.h5")
     assert found.rate_hz == 5000 and len(found.accepted) == 5
