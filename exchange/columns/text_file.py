@@ -120,9 +120,10 @@ def _joined(path: Path, parts: Sequence[Table]) -> Table:
     kind = f"{first.kind}, {len(parts)} segments"
     above = np.cumsum([0, *(len(part.columns[0].values) for part in parts)]).tolist()
     starts = tuple((row, start) for row, part in zip(above, parts, strict=False) for _, start in part.starts)
+    damaged = tuple(begin + row for begin, part in zip(above, parts, strict=False) for row in part.damaged)
     return replace(
         first, kind=kind, columns=columns, rates=rates, notes=notes, labels=(Labels("segment", numbers),),
-        starts=starts,
+        damaged=damaged, starts=starts,
     )  # fmt: skip
 
 

@@ -165,6 +165,8 @@ CASES = (
     asked("LabVIEW's segments", in_segments(2), "column 'segment' has 1, 2"),
     asked("all of LabVIEW's segments by --each", in_segments(2), "--each segment"),
     read("one of LabVIEW's segments", in_segments(2), told={"where": {"segment": "2"}}, peaks=BOTH),
+    read("torn in LabVIEW's second segment", "\n?\t".join(in_segments(2).rsplit("\n0.4974\t", 1)),
+        told={"where": {"segment": "2"}, "skip_damaged": True}, peaks=BOTH, notes=("1 gap of 1 samples",)),
     read("LabVIEW's X_Columns Multi", LVM.format(x="Multi") + SEGMENT
         + "X_Value\tForce\tX_Value\tAcc\tComment\n" + MULTI_ROWS, peaks=BOTH),
     # Rows
