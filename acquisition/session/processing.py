@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from ...base import hdf5
 from ...base.entry_points import optional
 from ...base.errors import ConfigurationError, DataError, InstrumentError
 from ...base.files import check_destination, new_file, private_files
@@ -126,6 +127,14 @@ class _Task:
         return hashlib.sha256(json.dumps([_version(), self.method, seen]).encode()).hexdigest()
 
     @property
+    def begun(self) -> bool:
+        """True where an earlier run of this study has left a mark, even one that was damaged since."""
+        try:
+            return bool(read_json(self.mark, _PART, dict).get("study") == self.study)
+        except DataError:
+            return self.mark.exists()
+
+    @property
     def done(self) -> bool:
         try:
             said = read_json(self.mark, _PART, dict)
@@ -135,15 +144,15 @@ class _Task:
         return made and bool(said["key"] == self.key)
 
     def save(self, result: _Result) -> None:
-        """Write the result; the mark last, so that what was cut off is computed again."""
-        for path in (self.mark, self.press):
+        """Write the result: a press is there only beside its mark, which tells one that was cut off."""
+        for path in (self.press, self.mark):
             path.unlink(missing_ok=True)
         rows, press, problem = result
+        made = None if press is None else hdf5.digest(hdf5.flatten(press))
+        said = {"study": self.study, "key": self.key, "press": made, "problem": problem, "rows": rows}
+        write_json(self.mark, _PART, said)
         if press is not None:
             press.save(self.press)
-        made = None if press is None else content_hash(self.press)
-        said = {"key": self.key, "press": made, "problem": problem, "rows": rows}
-        write_json(self.mark, _PART, said)
 
     def load_rows(self) -> list[dict[str, Any]]:
         found: list[dict[str, Any]] = read_json(self.mark, _PART, dict)["rows"]
@@ -158,11 +167,6 @@ def _tasks(study: Study, folder: Path) -> tuple[list[_Task], list[_Task]]:
             f"The study {study.file.name!r} has no recording yet: record some with `haploop study run`."
         )
     inside, method = folder / "parts", study.file.method
-    if not inside.is_dir():
-        # Only what an earlier run has written is replaced: latch.h5 may be somebody's digital button.
-        for name in ("presses.csv", "statistics.csv", *(f"{button}.h5" for button in study.file.buttons)):
-            check_destination(folder / name)
-    inside.mkdir(parents=True, exist_ok=True)
     parts, every = [], defaultdict[str, list[Path]](list)
     for (participant, button), paths in files.items():
         if paths:
@@ -191,6 +195,12 @@ def _tasks(study: Study, folder: Path) -> tuple[list[_Task], list[_Task]]:
         )
         for button, paths in every.items()
     ]
+    # Only what an earlier run has written is replaced: latch.h5 may be somebody's digital button.
+    new = [task.press for task in wholes if not task.begun]
+    tables = [folder / name for name in ("presses.csv", "statistics.csv") if len(new) == len(wholes)]
+    for path in (*tables, *new):
+        check_destination(path)
+    inside.mkdir(parents=True, exist_ok=True)
     return parts, wholes
 
 

@@ -3,6 +3,7 @@
 import csv
 import multiprocessing
 import os
+import shutil
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -230,8 +231,24 @@ def test_a_recording_of_another_study_is_refused(folder, tmp_path, workers):
         process_study(haploop.load_study(tmp_path), tmp_path / "out", workers=workers)
 
 
-def test_files_of_others_are_not_replaced(folder, tmp_path):
-    (tmp_path / "latch.h5").write_text("a digital button")
-    with pytest.raises(haploop.ConfigurationError, match=r"latch.h5 already exists"):
-        process_study(haploop.load_study(folder), tmp_path, workers=1)
-    assert [path.name for path in tmp_path.iterdir()] == ["latch.h5"]
+@pytest.mark.parametrize(
+    ("names", "study", "refused"),
+    [
+        (["latch.h5"], STUDY, "latch.h5"),
+        (["presses.csv", "parts/notes.txt"], STUDY, "presses.csv"),
+        (["parts/push.whole.json", "latch.h5"], STUDY, "latch.h5"),
+        (["parts/latch.whole.json", "presses.csv"], STUDY.replace("pilot", "main"), "presses.csv"),
+    ],
+    ids=["a button", "a table beside a folder of parts", "a button of a later run", "another study's"],
+)
+def test_files_of_others_are_not_replaced(folder, alone, tmp_path, names, study, refused):
+    copy, out = tmp_path / "study", tmp_path / "out"
+    shutil.copytree(folder / "recordings", copy / "recordings")
+    (copy / "study.toml").write_text(study, encoding="utf-8")
+    for name in names:
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).write_bytes(alone.get(name, b"notes"))
+    before = content(out)
+    with pytest.raises(haploop.ConfigurationError, match=f"{refused} already exists"):
+        process_study(haploop.load_study(copy), out, workers=1)
+    assert content(out) == before
