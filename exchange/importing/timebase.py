@@ -234,18 +234,21 @@ def lost(base: TimeBase, damaged: Sequence[int]) -> list[Hole]:
             if not any(hole.first - 1 <= place <= hole.end for hole in shown)]  # fmt: skip
 
 
-def spikes(values: FloatArray, rate_hz: float, unit: str) -> str:
-    """A sentence on samples that stand alone far above all others; "" without any."""
+def spikes(values: FloatArray, rate_hz: float | None, unit: str) -> str:
+    """A sentence on samples that stand alone far above all others; "" without any.
+
+    Rows of a curve have no rate.
+    """
     calm = scipy.ndimage.median_filter(values, 5)
     apart = np.abs(values - calm)
     found = np.flatnonzero(apart > _SPIKE * max(float(np.ptp(calm)), 1e-12))
     if not len(found) or len(found) > 0.01 * len(values):
         return ""
     most = found[np.argmax(apart[found])]
+    where = f"in row {most + 1}" if rate_hz is None else f"at {most / rate_hz:.4g} s"
     return (
-        f"{len(found)} sample{'s' * (len(found) > 1)} of up to {values[most]:.4g} {unit} (at "
-        f"{most / rate_hz:.4g} s) stand{'s' * (len(found) == 1)} alone, over {_SPIKE:g} times the "
-        "range of all others: a spike?"
+        f"{len(found)} sample{'s' * (len(found) > 1)} of up to {values[most]:.4g} {unit} ({where}) "
+        f"stand{'s' * (len(found) == 1)} alone, over {_SPIKE:g} times the range of all others: a spike?"
     )
 
 

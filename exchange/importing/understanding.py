@@ -264,6 +264,7 @@ class _Finder:
     def _values(self, role: Role, number: int, factor: float, base: TimeBase | None) -> FloatArray:
         assert base is not None
         path, values = self.table.path, self.table.columns[number].values[self.kept]
+        rate = None if self.told.make == "curve" else base.rate_hz  # rows of a curve have no time
         finite = np.isfinite(values)
         name = self._heading(number)
         if _constant(values):
@@ -278,12 +279,13 @@ class _Finder:
         whole, missing = filled(values, name)
         if missing:
             count = int(np.count_nonzero(~finite))
-            longest = max(hole.end - hole.first for hole in missing) / base.rate_hz
+            longest = max(hole.end - hole.first for hole in missing)
+            long = f"{longest}" if rate is None else f"{1e3 * longest / rate:.3g} ms"
             if count > 0.1 * len(values):
                 raise DataError(f"The column {name!r} of {path} lacks {count} of {len(values)} values.")
             self.notes.append(
-                f"{name}: {count} value{'s are' if count > 1 else ' is'} missing, at most "
-                f"{1e3 * longest:.3g} ms in a row; filled by a straight line."
+                f"{name}: {count} value{'s are' if count > 1 else ' is'} missing, at most {long} in a row; "
+                "filled by a straight line."
             )
             self.holes += missing
         found = factor * on_grid(base, whole)
@@ -291,7 +293,7 @@ class _Finder:
             raise ConfigurationError(
                 f"The column {name!r} of {path} would reach {most:g} {SI[role]}: look at its unit (--unit)."
             )
-        if role in ("force", "displacement") and (said := spikes(found, base.rate_hz, SI[role])):
+        if role in ("force", "displacement") and (said := spikes(found, rate, SI[role])):
             self.notes.append(f"{name}: {said}")
         return np.asarray(found)
 

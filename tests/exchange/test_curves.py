@@ -102,6 +102,17 @@ def test_noise_makes_no_tactile_peak(seed, run, tmp_path):
     assert "peak_travel_m" not in said and said["snap_ratio"] is None
 
 
+@pytest.mark.parametrize(
+    ("cell", "said"), [("", "is missing, at most 1 in a row"), ("9e4", "(in row 101) stands alone")]
+)
+def test_rows_of_a_curve_have_no_time(cell, said, run, tmp_path):
+    path = tmp_path / "switch.csv"
+    lines = without_time(rows()).splitlines()
+    lines[101] = lines[101].partition(";")[0] + f";{cell}"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert said in " ".join(run.json("import", path, "--as", "curve")["notes"])
+
+
 def test_what_is_no_curve_is_one_sentence(run, tmp_path):
     path = tmp_path / "switch.csv"
     path.write_text(millis(rows()), encoding="utf-8")
