@@ -86,7 +86,7 @@ def _hdf5(path: Path) -> Entry | None:
     # Here, because a catalogue without new files needs none of it.
     from ...acquisition import Curve, Recording, Representative, content_hash  # noqa: PLC0415
     from ...base import hdf5  # noqa: PLC0415
-    from ...calibration import Calibration  # noqa: PLC0415
+    from ...calibration import ButtonPlan, Calibration  # noqa: PLC0415
 
     with path.open("rb") as file:
         start = file.read(1024)
@@ -119,14 +119,27 @@ def _hdf5(path: Path) -> Entry | None:
             made_from=packed(of_calibration(calibration, own["content_hash"])),
         )
     elif kind == "waveforms":
-        entry = Entry(**own, holds=measured_for(path))
+        entry = _waveforms(path, own)
     elif kind == "curve":
         curve = Curve.load(path)
-        original = Source("original", curve.source, curve.source_sha256)
-        entry = Entry(**own, button=curve.button, made_from=packed([original]))
+        made = packed([Source("original", curve.source, curve.source_sha256)])
+        entry = Entry(**own, button=curve.button, simulated=_yes(curve.simulated), made_from=made)
+    elif kind == "plan":
+        plan = ButtonPlan.load(path)
+        made = packed(Source("recording", name, content) for name, content in plan.sources)
+        simulated = _yes(plan.simulated)
+        entry = Entry(**own, button=plan.button, rig=plan.rig, simulated=simulated, made_from=made)
     elif kind in _PLAYED:
         entry = _played(path, own)
     return entry
+
+
+def _waveforms(path: Path, own: dict[str, str]) -> Entry:
+    """Of all that was measured, what it says of itself; it holds the calibration that it was measured for."""
+    with opened(path) as file:
+        said = dict(file.attrs)
+    patch, point, holds = (str(said[name]) for name in ("patch", "point", "calibration"))
+    return Entry(**own, simulated=_yes(bool(said["simulated"])), patch=patch, point=point, holds=holds)
 
 
 def _played(path: Path, own: dict[str, str]) -> Entry:
@@ -321,9 +334,3 @@ def _calibration(calibration: Calibration) -> Source:
 
 def _digest(value: Any) -> str:
     return hdf5.digest(hdf5.flatten(value))
-
-
-def measured_for(path: Path) -> str:
-    """Content hash of the calibration that waveforms were measured for."""
-    with opened(path) as file:
-        return str(file.attrs["calibration"])

@@ -57,7 +57,7 @@ def condition(where: Sequence[str]) -> tuple[str, list[str]]:
     return " AND ".join(terms), values
 
 
-_VERSION = 3
+_VERSION = 4
 """Part of the index's name: to be raised when `Entry` changes."""
 _NAMED = ("map.json", "study.toml", "experiment.toml")
 _REJECTIONS = "rejections.json"

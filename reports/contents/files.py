@@ -132,8 +132,8 @@ _COLUMNS = ("participant", "button", "date", "verdict", "presses")
 def listing_contents(entries: Sequence[Entry]) -> Contents:
     """Entries, one a line in a table for each kind, and how many they are; simulated ones are marked."""
     rigs = {_rig(entry) for entry in entries if entry.rig}
-    mixed = len(rigs) > 1 or len({entry.simulated for entry in entries} - {""}) > 1
-    of_one = f", all of the rig {rigs.pop()}" if rigs and not mixed else ""
+    mixed = len(rigs) != 1 or len({entry.simulated for entry in entries} - {""}) > 1
+    of_one = "" if mixed else f", all of the rig {rigs.pop()}"
     of_kinds = groupby(sorted(entries, key=lambda entry: entry.kind), key=lambda entry: entry.kind)
     return Contents(
         "",

@@ -8,11 +8,13 @@ import sys
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import haploop
-from haploop.acquisition import Recording
+from haploop.acquisition import Curve, Recording
 from haploop.acquisition.recording import Rejection, add_rejections
+from haploop.calibration import ButtonPlan, Waveforms
 from haploop.experiments import load_experiment
 from haploop.reports.catalogue import index as catalogue_index
 from tests.calibration.conftest import make_press
@@ -76,6 +78,39 @@ def test_each_file_is_listed_with_what_it_holds(folder, index):
     assert (recording.date, recording.content_hash) == (own.header.started, own.content_hash)
     assert (found["check.h5"].verdict, found["drive.h5"].patch) == ("pass", "A")
     assert found["notes.h5"].kind == "damaged" and "notes.h5" in found["notes.h5"].problem
+
+
+NO_POINTS = (None,) * 5
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (
+            Curve("mx", "t.csv", "ab", {}, (), True, np.arange(3.0), np.ones(3), np.zeros(0), 2, *NO_POINTS),
+            {"button": "mx", "simulated": "yes", "made_from": '[["original", "t.csv", "ab", []]]'},
+        ),
+        (
+            ButtonPlan("push", "lab", (), False, (("P01-push.h5", "ab"),)),
+            {
+                "button": "push",
+                "rig": "lab",
+                "simulated": "no",
+                "made_from": '[["recording", "P01-push.h5", "ab", []]]',
+            },
+        ),
+        (
+            Waveforms((), "ab", "A", "40", "drive", 100.0, "laser", 1.0, 5e3, 0.0, 0.0, "velocity", True),
+            {"patch": "A", "point": "40", "simulated": "yes", "holds": "ab"},
+        ),
+    ],
+    ids=["curve", "plan", "waveforms"],
+)
+def test_a_file_is_listed_with_all_that_it_says(value, said, tmp_path, index, run):
+    value.save(tmp_path / "one.h5")
+    (entry,) = haploop.list_files([tmp_path], index=index)
+    assert {key: getattr(entry, key) for key in said} == said
+    assert said["simulated"] == "no" or "(simulated)" in run("list --in", tmp_path).stdout
 
 
 @pytest.mark.parametrize(
