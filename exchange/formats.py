@@ -15,7 +15,7 @@ from typing import Literal, TypeVar
 from ..acquisition import load_study
 from ..base import hdf5
 from ..base.errors import ConfigurationError, DataError
-from ..base.files import check_destination, private_files
+from ..base.files import check_destination, private_files, reserved
 from ..calibration import Calibration
 from . import csv_file, haptic_files, mat_file, reading, uff_file, wav_file, xdf_file
 from .views import About, Envelope, PressTable, Responses, Signals, sidecar, write_json
@@ -152,16 +152,15 @@ def export_file(
     with private_files() if private else nullcontext():
         check_destination(out)
         written = (out, sidecar(out)) if (kind, format) in _BESIDE else (out,)
-        for path in written[1:]:
-            check_destination(path)
-        if len(paths) > 1:
-            table = reading.recording_presses(paths)
-            csv_file.write_presses(table, out)
-            about = table.about
-        elif of == "press":
-            about = _via(reading.envelope_of_press, _HAPTIC[format])(paths[0], out)
-        else:
-            about = FORMATS[kind, format](paths[0], out)
+        with reserved(*written, size=1):  # how large they become is not known before
+            if len(paths) > 1:
+                table = reading.recording_presses(paths)
+                csv_file.write_presses(table, out)
+                about = table.about
+            elif of == "press":
+                about = _via(reading.envelope_of_press, _HAPTIC[format])(paths[0], out)
+            else:
+                about = FORMATS[kind, format](paths[0], out)
     return Exported(kind, format, written, bool(about["simulated"]))
 
 

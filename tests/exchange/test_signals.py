@@ -148,6 +148,27 @@ def test_what_does_not_fit_is_one_sentence(files, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["a.wav.json"]
 
 
+@pytest.mark.parametrize(
+    ("kind", "format", "last"),
+    [
+        ("drive", "csv", "haploop.exchange.csv_file.np.savetxt"),
+        ("drive", "wav", "scipy.io.wavfile.write"),
+        ("calibration", "csv", "haploop.exchange.csv_file.np.savetxt"),
+    ],
+)
+def test_an_export_that_is_interrupted_leaves_no_file(files, kind, format, last, tmp_path, monkeypatch):
+    """A sidecar alone would refuse the same command."""
+
+    def interrupt(*_: object, **_more: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(last, interrupt)
+        haploop.export_file(getattr(files, kind), format, tmp_path / "a")
+    assert not [*tmp_path.iterdir()]
+    assert len(haploop.export_file(getattr(files, kind), format, tmp_path / "a").files) == 2
+
+
 def test_channels_with_names_alike_are_all_in_the_matlab_file(tmp_path):
     names = ["time", "foo-bar", "foo_bar", "a" * 31 + "1", "a" * 31 + "2"]
     channels = tuple(Channel(name, "N", np.arange(3.0) + 10 * n) for n, name in enumerate(names))
