@@ -43,23 +43,24 @@ def time_of(table: Table, candidates: Sequence[int], told: FileMapping) -> tuple
     Columns that tell the same are one; those that state a unit come before those that do not.
     """
     known = {n: unit for n in candidates if (unit := _stated_unit(table.columns[n])) is not None}
-    if not candidates or (len(candidates) == 1 and not known):
+    if len(candidates) < 2:
         return (candidates[0], "") if candidates else None
     if known:
         seconds = {n: factor * table.columns[n].values for n, (factor, _) in known.items()}
         finest = max(seconds, key=lambda n: len(np.unique(seconds[n])))
         if all(_same(seconds[finest], one) for one in seconds.values()):
-            return finest, "; others tell the same" if len(candidates) > 1 else ""
+            return finest, "; others tell the same"
     names = ", ".join(table.columns[n].heading or str(n) for n in candidates)
     return Question("time", f"which of {names} is the time, for they differ", "--time COLUMN")
 
 
 def _same(one: FloatArray, other: FloatArray) -> bool:
     """True for stamps that differ by a constant, as far as their digits go."""
-    apart = (one - one[0]) - (other - other[0])
+    apart = one - other
+    apart = apart[np.isfinite(apart)]
     steps = [np.abs(np.diff(v[np.isfinite(v)])) for v in (one, other)]
     fine = max(float(np.min(s[s > 0], initial=np.inf)) for s in steps)
-    return bool(np.nanmax(np.abs(apart)) <= fine)
+    return len(apart) > 0 and bool(np.abs(apart - apart[0]).max() <= fine)
 
 
 def _stated_unit(column: Column) -> tuple[float, str] | None:

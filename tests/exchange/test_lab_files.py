@@ -130,6 +130,7 @@ TEXT = "t [s],F [N],a [m/s^2]\n" + "".join(f"{k / 1000:.4f},{1 + k % 7},{9.8 + k
         (TEXT.replace("0.5000,", "0.0001,"), {}, "goes back in time"),
         (TEXT.replace("0.5000,", "0.4990,"), {}, "the same time in samples 500 and 501"),
         (TEXT.replace("0.5000,", ","), {}, "no time in sample 501"),
+        (TEXT.replace("0.0000,", ","), {}, "no time in sample 1:"),
         (TEXT[: len(TEXT) // 2] + "broken\n" + TEXT[len(TEXT) // 2 :], {}, "stops being a table"),
         ("Sample rate: 5000 Hz\n" + TEXT, {}, "say which is right"),
         ("t [ms];F [N]\n" + "1.000;0,003\n" * 50, {}, "no table of numbers"),
