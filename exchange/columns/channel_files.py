@@ -74,13 +74,18 @@ def tdms(path: Path) -> Iterator[Column]:
             yield Column(
                 f"{channel.group_name}.{name}" if several else name,
                 unit,
-                (values - values[0]) / _SECOND if stamps else values.astype(np.float64),
+                (values - _first(values)) / _SECOND if stamps else values.astype(np.float64),
                 float(f"{1 / step:.9g}") if step > 0 else None,
                 stamps,
                 start,
-                _utc("", values[0]) if stamps else _utc("wf_start_time ", since),
+                _utc("", _first(values)) if stamps else _utc("wf_start_time ", since),
                 doubt=own_doubt,
             )
+
+
+def _first(instants: Any) -> Any:
+    """The first of some instants that is there, or none (NaT)."""
+    return instants[np.argmin(np.isnat(instants))]
 
 
 def _of_first_segment(nptdms: Any, path: Path) -> dict[str, Any]:
@@ -174,24 +179,27 @@ def parquet(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
     units = about.get("units")
     columns, texts = [], {}
     for field, chunks in zip(table.schema, table.columns, strict=True):
-        values = chunks.to_numpy()
+        # A number that NumPy has not, and True and False beside missing values, would be objects.
+        is_number = str(field.type) == "bool" or str(field.type).startswith("decimal")
+        values = (chunks.cast("float64") if is_number else chunks).to_numpy()
         said = {key.decode(): value.decode(errors="replace") for key, value in (field.metadata or {}).items()}
         unit = said.get("unit", said.get("units", ""))
         if not unit and isinstance(units, dict):
             unit = str(units.get(field.name, ""))
         name, unit = (field.name, unit) if unit else split_heading(field.name)
         if values.dtype.kind in "mM":
-            since = _utc("", values[0]) if values.dtype.kind == "M" else None
+            first = _first(values)
+            since = _utc("", first) if values.dtype.kind == "M" else None
             if since is not None and since.at is not None and getattr(field.type, "tz", None) is None:
                 at = since.at.replace(tzinfo=zone_in(field.name))
                 since = Start(since.words.removesuffix("Z"), at)
-            columns.append(Column(name, "", (values - values[0]) / _SECOND, stamps=True, since=since))
+            columns.append(Column(name, "", (values - first) / _SECOND, stamps=True, since=since))
         elif values.dtype.kind in "iufb":
             columns.append(
                 Column(name, unit, values.astype(np.float64), also=(field.name,), doubt=doubt_beside(said))
             )
-        elif values.dtype.kind == "O" and all(one is None or isinstance(one, str) for one in values):
-            texts[field.name] = np.array([one or "" for one in values], dtype=object)
+        else:  # lists, say, are told as text that is left out
+            texts[field.name] = np.array(["" if one is None else str(one) for one in values], dtype=object)
     return columns, about, texts
 
 

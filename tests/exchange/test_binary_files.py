@@ -7,6 +7,7 @@ of the question or the refusal.
 import datetime as dt
 import shutil
 from collections.abc import Callable, Mapping
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -205,10 +206,19 @@ def netcdf_of_bytes(path: Path) -> None:
             variable.units = units
 
 
-def _parquet(path: Path) -> None:
-    pandas = pytest.importorskip("pandas")
-    pytest.importorskip("pyarrow")
-    pandas.DataFrame({"t [ms]": 1e3 * T, "force (mN)": 1e3 * F}).to_parquet(path)
+def _parquet(**more: Any) -> Callable[[Path], None]:
+    """A table of pandas, some of whose columns are others."""
+
+    def write(path: Path) -> None:
+        pandas = pytest.importorskip("pandas")
+        pytest.importorskip("pyarrow")
+        pandas.DataFrame({"t [ms]": 1e3 * T, "force (mN)": 1e3 * F} | more).to_parquet(path)
+
+    return write
+
+
+NO_START = np.datetime64("2026-05-01") + np.round(1e6 * T).astype("timedelta64[us]")
+NO_START[0] = np.datetime64("NaT")
 
 
 def _workbook(
@@ -407,7 +417,12 @@ ROWS: list[tuple[str, Callable[[Path], None], Right]] = [
       for n, (form, start) in enumerate((("mm:ss.0", 0), ("[h]:mm:ss.000", 0.4), ("hh:mm:ss.000", 0.5),
                                          ("dd.mm.yyyy hh:mm:ss.000", 46_000)))),
     ("a.xdf", _xdf, HELD),
-    ("a.parquet", _parquet, {"force": F}),
+    ("a.parquet", _parquet(), {"force": F}),
+    ("decimals.parquet", _parquet(**{"force (mN)": [Decimal(f"{1e3 * f:.3f}") for f in F]}), {"force": F}),
+    ("gaps in a contact.parquet", _parquet(contact=[None, *(T > 0.1)[1:].tolist()]),
+     {"force": F, "activation": T > 0.1}),
+    ("lists.parquet", _parquet(marks=[[n] for n in range(N)]), "marks is text ('[0]' in row 1)"),
+    ("no first time.parquet", _parquet(**{"t [ms]": NO_START}), "no time in sample 1:"),
     ("structures.mat", _matlab(
         press={"force": {"data": 1e3 * F, "unit": "mN", "dt_s": 1 / RATE},
                "acc": {"values": A, "units": "m/s^2", "SampleRate": float(RATE)}}), HELD),
