@@ -32,8 +32,8 @@ _LEAD = 28
 """Bytes before a TDMS segment's metadata; the last eight are the metadata's length."""
 
 
-def tdms(path: Path) -> Iterator[Column]:
-    """Channels with rate, start and unit as LabVIEW's waveforms state them.
+def tdms(path: Path, left: list[str]) -> Iterator[Column]:
+    """Channels with rate, start and unit as LabVIEW's waveforms state them; names of others go to `left`.
 
     Raises ValueError for spectra, and for pieces that do not adjoin.
     """
@@ -49,6 +49,7 @@ def tdms(path: Path) -> Iterator[Column]:
             said = {**file.properties, **file[channel.group_name].properties, **channel.properties}
             values = np.asarray(channel[:])
             if values.dtype.kind not in "iufbM":
+                left.append(str(channel.name))
                 continue
             if (
                 str(said.get("wf_xname", "")).lower().startswith("freq")

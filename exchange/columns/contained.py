@@ -50,6 +50,8 @@ class Tree:
     lists: dict[str, list[str]] = field(default_factory=dict)
     """Lists of texts: names or units of an array's columns."""
     rows: list[list[str]] = field(default_factory=list)
+    left: list[str] = field(default_factory=list)
+    """Names of what is none of these, and was left out."""
 
 
 def tree_of(path: Path) -> Tree:
@@ -98,7 +100,7 @@ def _in_child() -> None:
         error = " ".join(str(wrong or type(wrong).__name__).split())[:200].rstrip(".")
     said = {
         "kind": tree.kind, "numbers": tree.numbers, "texts": tree.texts, "lists": tree.lists,
-        "rows": tree.rows, "names": list(tree.arrays), "error": error, "missing": missing,
+        "rows": tree.rows, "left": tree.left, "names": list(tree.arrays), "error": error, "missing": missing,
         "columns": [
             (_labels(one), one.times is not None, one.since and (one.since.words, str(one.since.at or "")))
             for one in tree.columns
@@ -150,7 +152,7 @@ def _read(path: Path, tree: Tree) -> None:
 
 
 def _tdms(path: Path, tree: Tree) -> None:
-    tree.columns += channel_files.tdms(path)
+    tree.columns += channel_files.tdms(path, tree.left)
 
 
 def _xdf(path: Path, tree: Tree) -> None:
@@ -216,13 +218,14 @@ def _add_array(tree: Tree, name: str, array: Any) -> None:
     elif array.dtype.kind == "O" and array.ndim == 1 and all(isinstance(v, Mapping) for v in array):
         for number, one in enumerate(array):
             _add(tree, f"{name}.{number}", one)
-    elif array.dtype.kind in "iufbc":
-        array = np.squeeze(array)
+    elif array.dtype.kind in "iufbc" and (array := np.squeeze(array)).ndim <= 2:
         if array.ndim == 0:
             tree.numbers[name] = float(array.real)
-        elif array.ndim <= 2 and array.size > 1:
+        elif array.size > 1:
             kind = np.complex128 if array.dtype.kind == "c" else np.float64
             tree.arrays[name or "column"] = array.astype(kind)
+    elif array.size > 1:
+        tree.left.append(name or "array")
 
 
 _KINDS: tuple[tuple[bytes, str, Callable[[Path, Tree], None]], ...] = (

@@ -73,6 +73,12 @@ def read_table(path: Path, decimal: str | None = None, skip: bool = False) -> Ta
         raise DataError(f"{path} ({tree.kind}) holds no vector of numbers: save the signals as vectors.")
     short = [one.name for one in found if one not in columns]
     notes = [f"{', '.join(short[:5])} are not as long as the others, and were left out."] if short else []
+    wide = [name for name in over_time if _is_wide(tree.arrays[name])] if not tree.columns else []
+    if none := [*tree.left, *wide]:
+        notes.append(
+            f"{', '.join(none[:5])} are neither vectors nor matrices of up to {_WIDEST} columns of numbers, "
+            "and were left out."
+        )
     if complex_ := [name for name in tree.arrays if name not in over_time]:
         notes.append(f"{', '.join(complex_[:5])} are complex, and were left out.")
     columns, moved = together(path, columns)
@@ -130,7 +136,7 @@ def _columns(tree: Tree, name: str) -> Iterator[Column]:
         yield Column(name, unit, values, rate, stamps, start, since, also=(title,), doubt=doubt)
         return
     rows: FloatArray = values if values.shape[0] >= values.shape[1] else values.T
-    if rows.shape[1] > _WIDEST:
+    if _is_wide(rows):
         return
     lists = {
         _plain(key.rpartition(".")[2]): own for key, own in tree.lists.items() if key.startswith(f"{name}.")
@@ -145,6 +151,10 @@ def _columns(tree: Tree, name: str) -> Iterator[Column]:
             *_named(heading, unit), np.ascontiguousarray(column), rate, start_s=start, also=(heading,),
             doubt=doubt or factor,
         )  # fmt: skip
+
+
+def _is_wide(values: NDArray[Any]) -> bool:
+    return values.ndim == 2 and min(values.shape) > _WIDEST
 
 
 def _said(tree: Tree, holder: str) -> dict[str, str | float]:

@@ -354,6 +354,8 @@ ROWS: list[tuple[str, Callable[[Path], None], Right]] = [
     ("one rate.tdms", _tdms(("Force", F, {"unit_string": "N"}), ("Other", A, STEP)), {"force": F}),
     ("stale index.tdms", stale, {"force": F}),
     ("empty channel.tdms", _tdms(("Force", F, NEWTON), ("Marks", np.zeros(0, "M8[us]"), {})), {"force": F}),
+    ("comments.tdms", _tdms(("Force", F, NEWTON), ("Notes", np.array(["a"] * N), {})),
+     "Notes are neither vectors nor matrices"),
     ("later.tdms", _tdms(("Force", F, NEWTON | {"wf_start_time": BEGIN}),
                          ("Acc", A, METRE | {"wf_start_time": LATER})), SHIFTED),
     ("offset.tdms", _tdms(("Force", F, NEWTON), ("Acc", A, METRE | {"wf_start_offset": LATE})), SHIFTED),
@@ -426,6 +428,9 @@ ROWS: list[tuple[str, Callable[[Path], None], Right]] = [
     ("structures.mat", _matlab(
         press={"force": {"data": 1e3 * F, "unit": "mN", "dt_s": 1 / RATE},
                "acc": {"values": A, "units": "m/s^2", "SampleRate": float(RATE)}}), HELD),
+    *((f"{name}.mat", _matlab(force_N=F, fs=RATE, more=more), "more are neither vectors nor matrices")
+      for name, more in (("cells", np.array([F, A, T[:9]], dtype=object)), ("pages", np.zeros((N, 2, 3))),
+                         ("spectrogram", np.zeros((N, 65))))),
     ("two rates.h5", _hdf5(two_rates), "several rates"),
     ("oscilloscope.mat", _matlab(force=F[:, None], Tinterval=1 / RATE), {"force": F}),
 ]  # fmt: skip
