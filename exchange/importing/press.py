@@ -144,11 +144,8 @@ def resampled(values: FloatArray, rate_hz: float) -> FloatArray:
     ratio = ratio_of(rate_hz)
     if ratio == 1:
         return values
-    # Its low-pass starts from zero: an offset (gravity) would ring at both ends.
-    middle = np.median(values)
-    return np.asarray(
-        scipy.signal.resample_poly(values - middle, ratio.numerator, ratio.denominator) + middle
-    )
+    # Its low-pass starts from zero: a force that is cut in the middle of a press would ring at both ends.
+    return np.asarray(scipy.signal.resample_poly(values, ratio.numerator, ratio.denominator, padtype="line"))
 
 
 def _window(

@@ -15,6 +15,7 @@ from scipy.io import savemat, wavfile
 import haploop
 from haploop.acquisition import Recording, Representative, high_pass
 from haploop.exchange import FileMapping, understand
+from haploop.exchange.importing.press import resampled
 from tests.exchange.other_programs import function58
 from tests.raising import raises
 
@@ -137,6 +138,15 @@ def by_sdypy(path: Path, values: np.ndarray) -> None:
     sep005 = pytest.importorskip("sdypy_sep005")
     one = sep005.Sep005Data(data=values.tolist(), name="acc", unit_str="m/s²", fs=10_000.0)
     path.write_text(f"[{one.model_dump_json()}]", encoding="utf-8")
+
+
+@pytest.mark.parametrize("rate_hz", [800, 1000, 4807.3, 20_000])
+def test_a_force_that_is_cut_in_a_press_does_not_ring(rate_hz):
+    """1 N where it begins, and more where it ends."""
+    truth = [1 + np.sin(np.arange(round(0.5 * r)) / (0.19 * r)) for r in (rate_hz, 5000)]
+    found = resampled(truth[0], rate_hz)
+    length = min(map(len, (found, truth[1])))
+    np.testing.assert_allclose(found[:length], truth[1][:length], atol=0.02)
 
 
 @pytest.mark.usefixtures("read_here")
