@@ -334,9 +334,11 @@ def read_responses(path: Path, unit: str | None) -> tuple[Response, ...]:
     pairs = responses_of(tree)
     for name, over in pairs:
         values, of_unit = arrays[name]
-        keys = (f"units.{of_unit}", f"{of_unit}.units", f"{of_unit}.unit")
-        factor, power = _velocity_per(path, name, next(filter(None, map(tree.texts.get, keys)), ""), unit)
-        f, H = tree.arrays[over], np.atleast_2d(values)
+        factor, power = _velocity_per(path, name, _stated_unit(tree, of_unit), unit)
+        hertz = unit_of(_stated_unit(tree, over) or "Hz", "rate")
+        if hertz is None:
+            raise DataError(f"{path} has {over!r} in {_stated_unit(tree, over)!r}: save frequencies in Hz.")
+        f, H = hertz.factor * tree.arrays[over], np.atleast_2d(values)
         H = H if H.shape[1] == len(f) else H.T
         if not (np.all(np.isfinite(f)) and np.all(np.diff(f) > 0) and np.all(np.isfinite(H))):
             raise DataError(
@@ -356,6 +358,12 @@ def read_responses(path: Path, unit: str | None) -> tuple[Response, ...]:
             simulated = bool(tree.numbers.get("about.simulated", 0.0))
             made.append(plain_response(patch, point, f[kept], velocity, own, simulated=simulated))
     return tuple(made)
+
+
+def _stated_unit(tree: Tree, name: str) -> str:
+    """The unit that a file states of an array; empty where it states none."""
+    keys = (f"units.{name}", f"{name}.units", f"{name}.unit")
+    return next(filter(None, map(tree.texts.get, keys)), "")
 
 
 def _velocity_per(path: Path, name: str, stated: str, told: str | None) -> tuple[float, int]:

@@ -151,3 +151,14 @@ def test_two_parts_over_frequency_in_netcdf_are_a_response(tmp_path, engine):
     found = import_response(path, haploop.load_rig_file("simulated"), "A", "button")
     assert is_response_file(path) and (found.patch, found.point) == ("A", "button")
     np.testing.assert_allclose(found.velocity, own, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("unit", "hertz"), [("Hz", 1.0), ("kHz", 1e3), ("1/min", 1 / 60)])
+def test_frequencies_are_in_the_unit_that_the_file_states(unit, hertz, tmp_path):
+    path, units = tmp_path / "a.mat", {"f": unit, "H": "(m/s)/V"}
+    savemat(path, {"f": FREQUENCIES / hertz, "H": velocity(), "units": units})
+    found = import_response(path, haploop.load_rig_file("simulated"), "A", "button")
+    np.testing.assert_allclose(found.frequencies, FREQUENCIES, rtol=1e-12)
+    savemat(path, {"f": FREQUENCIES, "H": velocity(), "units": {**units, "f": "rad/s"}})
+    with pytest.raises(haploop.DataError, match="'f' in 'rad/s': save frequencies in Hz"):
+        import_response(path, haploop.load_rig_file("simulated"), "A", "button")
