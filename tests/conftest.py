@@ -17,6 +17,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 from filelock import FileLock
+from platformdirs import user_cache_path
 
 import haploop
 from haploop.mocks.pytest_plugin import OpenRig
@@ -230,10 +231,14 @@ def few_callbacks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The user's own audit log and lockouts are no test's; nor are the locks of another worker's rigs."""
+    """The user's own audit log, lockouts and catalogue are no test's; nor are the locks of another worker's
+    rigs."""
     folder = tmp_path_factory.mktemp("state")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HAPLOOP_STATE", str(folder))
+        # Its list of fonts takes seconds to make.
+        patch.setenv("MPLCONFIGDIR", str(user_cache_path("matplotlib")))
+        patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
         for name in ("TMPDIR", "TEMP", "TMP"):
             patch.setenv(name, str(folder))
         patch.setattr(tempfile, "tempdir", None)
