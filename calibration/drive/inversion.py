@@ -14,8 +14,8 @@ The covariances regularise: where G is uncertain the drives stay what they were,
 the points alike those are taken whose motion a drift changes least. One patch leaves no such choice, several
 do. Voltage and slew rate are bounds on the samples of each patch. Error and bounds are convex, so splitting
 (ADMM; Boyd et al., Foundations and Trends in Machine Learning 3, 2011, section 5) approaches the least error
-within a bound, and a bisection finds the lowest bound within the error budget: the lower the voltage per unit
-of target, the larger the output within the limits.
+within a bound, and the lowest bound within the error budget is looked for: the lower the voltage per unit of
+target, the larger the output within the limits.
 
 Assumptions: the table is linear (hysteresis is compensated elsewhere) and is what it was when G was
 measured, but for the drift; the errors of G are independent from line to line; the grid is longer than the
@@ -34,12 +34,13 @@ import numpy as np
 from ...base.arrays import BoolArray, ComplexArray, FloatArray
 
 _ITERATIONS = 60
-_SPLITTING, _RELAXATION = 1e-3, 1.7
-"""Weight of the splitting over the median power of the gain, and over-relaxation factor. Drives planned
-with 30 to 240 iterations differ by 2 % in output at equal error, without a trend; a weight of 0.05
-without relaxation needs more than 600."""
-_STEPS = 6
-"""Bisections of the voltage allowed per unit of target; each begins where the last one ended."""
+_SPLITTING, _RELAXATION = 0.1, 1.7
+"""Weight of the splitting over the median power of the gain and the error that is left, and over-relaxation.
+Of 19 plans, for 1 and 4 patches and errors from 0.5 to 18 %, each came within 2 % of its least error in
+fewest iterations at this weight, or at up to three times more or less."""
+_STEPS, _NEAR = 8, 3e-3
+"""Largest number of voltages tried per unit of target, each beginning where the last one ended; and how far
+below the budget the error is aimed at, relative to it."""
 _REGULARISATIONS = 10.0 ** np.arange(-4.0, 0.5, 0.5)
 """Regularisations to try, over the median power of the gain."""
 
@@ -177,16 +178,27 @@ def max_output(plan: Plan, budget: float) -> tuple[FloatArray, float]:
     """
     best, least = min_peak(plan, budget)
     high = max(_peak(plan, best), _peak(plan, np.diff(best, prepend=best[:, -1:])) / plan.slew)
-    low = high / 4
+    low, limit = high / 4, high / 2
+    # Logarithms of the errors at both ends, over the budget, once they are known.
+    over = under = 0.0
     state: State | None = None
+    settled = False
     for _ in range(_STEPS):
-        limit = float(np.sqrt(high * low))
-        drive, state = within(plan, limit, state)
+        drive, state = within(plan, limit, state, max(budget, least))
         error = plan.error(drive)
         if error <= max(budget, least):
-            best, least, high = drive, min(error, least), limit
+            best, least, high, under = drive, min(error, least), limit, float(np.log(error / budget))
         else:
-            low = limit
+            low, over = limit, float(np.log(error / budget))
+        close = (1 - 2 * _NEAR) * budget < error <= budget
+        # Once may be chance: the splitting goes on from voltage to voltage.
+        if close and settled:
+            break
+        settled = close
+        share = 0.5
+        if under < 0 < over:
+            share = float(np.clip((over + _NEAR) / (over - under), 0.05, 0.95))
+        limit = float(low * (high / low) ** share)
     return best, plan.error(best)
 
 
@@ -194,9 +206,12 @@ State = tuple[FloatArray, FloatArray]
 """State of the splitting: the variables within the limits, and their scaled differences from the drive."""
 
 
-def within(plan: Plan, limit: float, state: State | None = None) -> tuple[FloatArray, State]:
+def within(
+    plan: Plan, limit: float, state: State | None = None, error: float = 0.01
+) -> tuple[FloatArray, State]:
     """The drives of least expected error with |drive| <= limit x reach x window, steps <= that x slew.
 
+    `error` is about what will be left, over the target: the closer it is, the fewer iterations are needed.
     Returns (patches, samples) V and the state for a warm start of the next, similar plan. The level is
     kept exactly at the samples; between samples, and for steps, as far as the splitting converged.
     """
@@ -214,7 +229,7 @@ def within(plan: Plan, limit: float, state: State | None = None) -> tuple[FloatA
     right_side = plan.pull + ridge * plan.operating_point
     if not isinstance(plan.operating_point, float):
         right_side = right_side + np.einsum("prl,rl->pl", plan.uncertain, plan.operating_point)
-    rho = _SPLITTING * plan.typical
+    rho = _SPLITTING * error * plan.typical
     added = rho * (np.abs(constraints[:, 0]) ** 2).sum(axis=0) + ridge
     inverse = np.linalg.inv(plan.power + added[:, None, None] * np.eye(len(plan.reach)))
     # Where nothing is known, the drive has no power.

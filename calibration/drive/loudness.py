@@ -34,8 +34,6 @@ _STEPS = 5
 """Largest number of drives that are computed to find an error."""
 _CLOSE, _NEXT = 0.93, 0.98
 """Share of the largest error to plan for from which a drive is loud enough, and that is tried next."""
-_STAIR = 0.92
-"""Share of a planned error from which another drive is planned: output rises in stairs (see `max_output`)."""
 _OVER = 0.25
 """Level (dB) beyond the one asked for that is aimed at."""
 
@@ -286,8 +284,7 @@ def _loudest(
             best = error, drive
             if error**2 > _CLOSE**2 * room or enough(drive):
                 break
-        aimed = max(_NEXT**2 * room, BUDGET**2) ** 0.5
-        error = aimed if drive.expected_error <= most else min(aimed, _STAIR * error)
+        error = max(_NEXT**2 * room, BUDGET**2) ** 0.5
     return best
 
 

@@ -285,7 +285,7 @@ def planned_by(plan: Plan, trade: TradeOff, budget: float, reach: float, inversi
         return (max_output if inversion == "optimised" else min_peak)(plan, budget)[0]
     state: State | None = None
     for _ in range(_SETTLING):
-        drive, state = within(plan, reach / trade.scale, state)
+        drive, state = within(plan, reach / trade.scale, state, budget)
     return drive
 
 

@@ -101,14 +101,14 @@ def test_modes_that_noise_hides_are_bounded(tmp_path, monkeypatch):
     with rig_of("displacement", tmp_path) as rig:
         drive = drive_for(make_press(), calibrate(rig), rig.limits)
         result, error, outside = played_and_true(rig, drive, 12, monkeypatch)
-    print(f"true {error:.3f}, outside {outside:.3f}; bound {result.above.bound:.3f}; {result}")
+    print(f"true {error:.3f}, outside {outside:.3f}; bound {result.above.bound}; {result}")
     assert result.verdict == "not shown" and error < 0.15
     # Of noise alone it was 0.64; what is left is what no play of this sensor tells of the distortion.
     assert result.above.bound is not None and outside < result.above.bound < 0.5
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("hz", "push"), [(1800.0, 0.1), (2300.0, 0.15), (3400.0, 0.3), (7000.0, 0.6)])
+@pytest.mark.parametrize(("hz", "push"), [(1800.0, 0.06), (2300.0, 0.15), (3400.0, 0.3), (7000.0, 0.6)])
 def test_a_hidden_mode(hz, push, tmp_path, monkeypatch):
     """Above the judged band, within the sensor's or beyond it: the calibration saw what the plays do not."""
     plate = make_plate(np.random.default_rng(1), highest_hz=FEWEST_HZ)
@@ -122,7 +122,7 @@ def test_a_hidden_mode(hz, push, tmp_path, monkeypatch):
     with rig_of("displacement", tmp_path, **ringing) as rig:
         drive = drive_for(make_press(), calibrate(rig), rig.limits)
         result, error, outside = played_and_true(rig, drive, 12, monkeypatch)
-    print(f"true {error:.3f}, outside {outside:.3f}; bound {result.above.bound:.3f}; {result}")
+    print(f"true {error:.3f}, outside {outside:.3f}; bound {result.above.bound}; {result}")
     assert error > 0.2 and result.verdict != "pass"
     assert result.judged_hz < hz and (result.above.bound or 0.0) > outside
 

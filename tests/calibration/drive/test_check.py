@@ -30,7 +30,7 @@ def test_a_fresh_drive_passes_by_what_was_expected(calibrated, drive):
     assert result.passed and result.reasons == ()
     # What comes on top of the expected is the hysteresis, which is known to some percent.
     assert drive.predicted_error / 2 < result.interval[1]
-    assert result.within.root < 2 * drive.predicted_error < 0.20
+    assert result.within.root < 2 * drive.predicted_error < 0.22
     assert str(result).endswith(": pass")
     assert result.correlation > 0.99 and result.envelope_correlation > 0.99
     assert 0 < result.within.floor < 0.02 and result.tolerance == 0.20

@@ -51,6 +51,13 @@ def test_a_limit_is_met_better_by_planning_than_by_regularising(plan, budget):
     assert plan.error(clipped) > error
 
 
+def test_the_voltage_falls_with_each_percent_of_budget(plan):
+    """In stairs of 28 %, the last bit of a computer's arithmetic decided on which of them a drive was."""
+    peaks = [float(np.abs(max_output(plan, 0.1 * 1.01**k)[0]).max()) for k in range(9)]
+    fallen = -np.diff(np.log(peaks))
+    assert np.all(fallen > 0) and fallen.max() < 0.02, fallen
+
+
 def test_steps_are_limited_by_planning_too(plan):
     free, _ = max_output(plan, 0.1)
     slew = 0.5 * float(np.abs(np.diff(free)).max() / np.abs(free).max())

@@ -41,8 +41,7 @@ def test_louder_is_less_like_and_a_curve_says_by_how_much(plan):
     for curve in plan.curves:
         errors, levels = np.array([(one.error, one.level) for one in curve.offers]).T
         assert np.all(np.diff(errors) > 0) and np.all(np.diff(levels) > 0)
-        # Output rises in stairs: the last may lie below what a check tolerates.
-        assert levels[-1] > levels[0] + 2 and 0.16 < errors[-1] <= 0.2
+        assert levels[-1] > levels[0] + 2 and 0.18 < errors[-1] <= 0.2
 
 
 def test_no_trade_is_worse_or_intolerable(calibrated, monkeypatch):
@@ -116,21 +115,19 @@ def test_what_the_limits_do_not_allow_is_refused_with_what_they_do(calibrated):
 
 
 def test_a_level_takes_few_drives(calibrated, monkeypatch):
-    """Errors come in stairs, of which the highest is below what a check tolerates."""
-    stairs, planned = 0.05 * 1.3 ** np.arange(9), []
+    planned = []
 
-    def stair(*_args: Any, trade: TradeOff, **_more: Any) -> SimpleNamespace:
-        planned.append(trade.error)
-        error = float(max(stairs[stairs <= (trade.error or 0)], default=stairs[0]))
+    def drive_for(*_args: Any, trade: TradeOff, **_more: Any) -> SimpleNamespace:
+        planned.append(error := max(trade.error or 0.0, 0.05))
         return SimpleNamespace(expected_error=error, scale=error)
 
-    monkeypatch.setattr(loudness, "drive_for", stair)
-    monkeypatch.setattr(loudness, "_level", lambda drive, _lab: 20 * np.log10(drive.scale / stairs[0]))
+    monkeypatch.setattr(loudness, "drive_for", drive_for)
+    monkeypatch.setattr(loudness, "_level", lambda drive, _lab: 20 * np.log10(drive.scale / 0.05))
     trade = trade_for(make_press(), calibrated.calibration, calibrated.rig, Loudness(level=6.7))
-    assert trade.error is not None and stairs[3] <= trade.error < stairs[4]
+    assert trade.error is not None and 6.7 <= 20 * np.log10(trade.error / 0.05) < 7.2
     assert len(planned) <= 6, planned
-    with pytest.raises(ConfigurationError, match=r"11\.4 dB is the most"):
-        trade_for(make_press(), calibrated.calibration, calibrated.rig, Loudness(level=12.0))
+    with pytest.raises(ConfigurationError, match=r"12\.0 dB is the most"):
+        trade_for(make_press(), calibrated.calibration, calibrated.rig, Loudness(level=12.5))
 
 
 @pytest.mark.long
@@ -140,7 +137,7 @@ def test_a_stronger_amplifier_moves_the_curve_to_the_right(calibrated, plan):
     rig: Any = SimpleNamespace(limits=half, file=calibrated.rig.file, simulated=True)
     weak = plan_button(make_press(), calibrated.calibration, rig, methods=("modulated",))
     one, other = weak.curves[0].offers[0], plan.curves[0].offers[0]
-    assert 5 < other.level - one.level < 9
+    assert 4 < other.level - one.level < 8
     # Distortion is a larger part of what fewer volts move.
     assert 1.2 < one.error / other.error < 1.6
 

@@ -124,8 +124,7 @@ def test_what_only_the_calibration_may_show_above_the_laser_is_no_pass(open, mon
     press = press_of(generator("by command", world, "press"))
     drive = drive_for(press, calibrate(rig), rig.limits)
     result, error, _ = played_and_true(rig, drive, 8, monkeypatch)
-    # 0.197 to 0.201 in world 127, by the processor whose kernels OpenBLAS takes.
-    assert error > 0.195 and result.verdict == "not shown"
+    assert error > 0.175 and result.verdict == "not shown"
     assert most[0] < np.hypot(*drive.hidden[:2]) < most[1] and hertz(drive.hidden[2]) == hz
     # Where noise ends the band that is judged, the bound of what is above counts alone.
     said = f"near {hz}, above what the laser passes, by up to {result.hidden:.1%}" in result.reasons[0]
