@@ -27,7 +27,8 @@ class Row:
 
 def ratios(ours: Sequence[float], theirs: Sequence[float]) -> list[float]:
     """Ours over theirs, round by round."""
-    return [a / b for a, b in zip(ours, theirs, strict=True)]
+    # Less the noise, an error may be 0.
+    return [a / b if b else float("inf") for a, b in zip(ours, theirs, strict=True)]
 
 
 def markdown(rows: Sequence[Row]) -> str:
