@@ -218,7 +218,7 @@ def _parquet(**more: Any) -> Callable[[Path], None]:
 
 
 NO_START = np.datetime64("2026-05-01") + np.round(1e6 * T).astype("timedelta64[us]")
-NO_START[0] = np.datetime64("NaT")
+NO_START[0] = np.datetime64("NaT", "us")
 
 
 def _workbook(
