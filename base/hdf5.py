@@ -76,6 +76,11 @@ def digest(flat: Flat) -> str:
     return sha.hexdigest()
 
 
+def digest_of(value: Any) -> str:
+    """Content hash that a file of `value` has, or would have."""
+    return digest(flatten(value))
+
+
 def restore(kind: type[Value], flat: Flat, path: str | Path, prefix: str = "") -> Value:
     """Rebuild the dataclass from the mapping of `flatten`.
 

@@ -148,7 +148,7 @@ class _Task:
         for path in (self.press, self.mark):
             path.unlink(missing_ok=True)
         rows, press, problem = result
-        made = None if press is None else hdf5.digest(hdf5.flatten(press))
+        made = None if press is None else hdf5.digest_of(press)
         said = {"study": self.study, "key": self.key, "press": made, "problem": problem, "rows": rows}
         write_json(self.mark, _PART, said)
         if press is not None:

@@ -118,7 +118,7 @@ class DigitalButton(InNotebook):
     @property
     def digest(self) -> str:
         """Content hash of all its fields."""
-        return hdf5.digest(hdf5.flatten(self))
+        return hdf5.digest_of(self)
 
     def save(self, path: str | Path) -> None:
         """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""

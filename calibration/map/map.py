@@ -124,7 +124,7 @@ class VibrationMap(InNotebook):
         again = [r for step, r in found.items() if r is not None and step.again]
         if not first:
             raise DataError(f"{path} holds no measured point yet.")
-        digests = [hdf5.digest(hdf5.flatten(r)) for r in measurements.values()]
+        digests = [hdf5.digest_of(r) for r in measurements.values()]
         sources = hashlib.sha256("".join(digests).encode())
         kept = folder.path / f"modes-{sources.hexdigest()[:16]}.h5"
         if kept.is_file():

@@ -85,8 +85,7 @@ def entry_of(path: str) -> Entry | None:
 def _hdf5(path: Path) -> Entry | None:
     # Here, because a catalogue without new files needs none of it.
     from ...acquisition import Curve, Recording, Representative, content_hash  # noqa: PLC0415
-    from ...base import hdf5  # noqa: PLC0415
-    from ...calibration import ButtonPlan, Calibration  # noqa: PLC0415
+    from ...calibration import Calibration  # noqa: PLC0415
 
     with path.open("rb") as file:
         start = file.read(1024)
@@ -125,10 +124,7 @@ def _hdf5(path: Path) -> Entry | None:
         made = packed([Source("original", curve.source, curve.source_sha256)])
         entry = Entry(**own, button=curve.button, simulated=_yes(curve.simulated), made_from=made)
     elif kind == "plan":
-        plan = ButtonPlan.load(path)
-        made = packed(Source("recording", name, content) for name, content in plan.sources)
-        simulated = _yes(plan.simulated)
-        entry = Entry(**own, button=plan.button, rig=plan.rig, simulated=simulated, made_from=made)
+        entry = _plan(path, own)
     elif kind in _PLAYED:
         entry = _played(path, own)
     return entry
@@ -140,6 +136,14 @@ def _waveforms(path: Path, own: dict[str, str]) -> Entry:
         said = dict(file.attrs)
     patch, point, holds = (str(said[name]) for name in ("patch", "point", "calibration"))
     return Entry(**own, simulated=_yes(bool(said["simulated"])), patch=patch, point=point, holds=holds)
+
+
+def _plan(path: Path, own: dict[str, str]) -> Entry:
+    from ...calibration import ButtonPlan  # noqa: PLC0415 - of a recording nothing of it is loaded
+
+    plan = ButtonPlan.load(path)
+    made = packed(Source("recording", name, content) for name, content in plan.sources)
+    return Entry(**own, button=plan.button, rig=plan.rig, simulated=_yes(plan.simulated), made_from=made)
 
 
 def _played(path: Path, own: dict[str, str]) -> Entry:
@@ -296,13 +300,14 @@ def of_drive(drive: Drive) -> tuple[Source, ...]:
 
 def of_check(check: Check) -> tuple[Source, ...]:
     """Its drive."""
-    return (Source("drive", "", _digest(check.drive), of_drive(check.drive)),)
+    return (Source("drive", "", hdf5.digest_of(check.drive), of_drive(check.drive)),)
 
 
 def of_button(button: DigitalButton) -> tuple[Source, ...]:
     """Its presses and calibrations, and what these were made from."""
     presses = [
-        Source("representative", "", _digest(one), of_press(one)) for one in (button.press, *button.others)
+        Source("representative", "", hdf5.digest_of(one), of_press(one))
+        for one in (button.press, *button.others)
     ]
     fingers = [Source("calibration", "", one.calibration) for one in _pressed(button) if not one.patches[1:]]
     return (*presses, *map(_calibration, button.calibrations), *fingers)
@@ -317,7 +322,7 @@ def of_experiment(experiment: Any) -> tuple[Source, ...]:
 
 def drives_in(button: DigitalButton) -> tuple[str, ...]:
     """Content hashes of the drives that a button holds, by which a check names it."""
-    return tuple(map(_digest, (button.drive, *_pressed(button))))
+    return tuple(map(hdf5.digest_of, (button.drive, *_pressed(button))))
 
 
 def _pressed(button: DigitalButton) -> tuple[Drive, ...]:
@@ -330,7 +335,3 @@ def _calibration(calibration: Calibration) -> Source:
     # What a map gives of a point is in no file of its own; any other calibration is, or is missing.
     sources = tuple(one for one in of_calibration(calibration, content) if one.kind == "map")
     return Source("calibration", place, content, sources)
-
-
-def _digest(value: Any) -> str:
-    return hdf5.digest(hdf5.flatten(value))
